@@ -1,6 +1,9 @@
 """Read tables of numbers from text files: exports of the EPOS recorder, and CSV with named columns.
 
-Numbers may have decimal commas or thousands separators. Every repair of a file is noted.
+`parse_table` reads the text of a file, and `find_columns` selects the columns of time, speed,
+torque and position. The module `recordings` calls both. Numbers may have decimal commas or
+thousands separators. In this module, a mark is a point or a comma in a number. Every repair of a
+file is noted.
 """
 
 import csv
@@ -37,7 +40,13 @@ _EDIT_REMARK = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
 
 
 class RepairNotes:
-    """Notes on the repairs of one file. Equal repairs of several lines become one note."""
+    """Notes on the repairs of one file. Equal repairs of several lines become one note.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -65,7 +74,12 @@ class RepairNotes:
         line : int
             Index of the line, from 0.
         mark : str
-            Decimal mark of the column, or "" if it is ambiguous.
+            Decimal mark of the column, "." or ",", or "" if the marks of the column are ambiguous.
+
+        Returns
+        -------
+        float
+            The number.
 
         Raises
         ------
@@ -95,7 +109,25 @@ class RepairNotes:
     def _number_with_text(self, text: str, line: int) -> float:
         """Return the number in a field that also contains a remark.
 
-        Raises RecordingError if the field contains no number.
+        A field such as `1.2, was 1.5` states that the number was edited, and the original number is
+        used. Any other text after a number and a comma is ignored. Both repairs are noted.
+
+        Parameters
+        ----------
+        text : str
+            Text of the field without quotes.
+        line : int
+            Index of the line, from 0.
+
+        Returns
+        -------
+        float
+            The number.
+
+        Raises
+        ------
+        RecordingError
+            If the field contains no number.
         """
         edited = _EDIT_REMARK.fullmatch(text)
         if edited:
@@ -210,7 +242,22 @@ class Column:
 def parse_table(text: str, path: Path) -> Table:
     """Split the text of a file into header, names and units of the columns, and samples.
 
-    `path` is the file, for messages. Raises RecordingError if the text is not a table.
+    Parameters
+    ----------
+    text : str
+        Text of the file. A line of units may follow the line of names.
+    path : Path
+        The file, for messages.
+
+    Returns
+    -------
+    Table
+        Numbers (samples, columns) in the units of the file, with notes on repairs.
+
+    Raises
+    ------
+    RecordingError
+        If the text is not a table.
     """
     lines = text.splitlines()
     for k, line in enumerate(lines):
@@ -249,10 +296,22 @@ def parse_table(text: str, path: Path) -> Table:
 
 
 def find_columns(table: Table, path: Path) -> dict[str, Column]:
-    """Find the columns of time, speed, torque and position, and return them by quantity.
+    """Find the columns of time, speed, torque and position.
 
-    `path` is the file, for messages. The position is optional. Further columns of a quantity are
-    added to the doubts of the table.
+    If several columns contain a quantity, the first name in `COLUMN_NAMES` is preferred. The others
+    are stated in the doubts of the table.
+
+    Parameters
+    ----------
+    table : Table
+        Table of the file, whose `doubts` are extended.
+    path : Path
+        The file, for messages.
+
+    Returns
+    -------
+    dict of Column
+        Columns by quantity: `time`, `speed`, `torque` and, if there is one, `position`.
 
     Raises
     ------
@@ -285,7 +344,28 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
 def _build_column(table: Table, path: Path, quantity: str, index: int, *, unit: str) -> Column:
     """Return the column of a quantity with its factor to SI units.
 
-    Raises RecordingError if its unit is unknown.
+    Parameters
+    ----------
+    table : Table
+        Table of the file.
+    path : Path
+        The file, for messages.
+    quantity : str
+        Quantity, a key of `COLUMN_UNITS`.
+    index : int
+        Index of the column, from 0.
+    unit : str
+        Unit in the file, in upper or lower case.
+
+    Returns
+    -------
+    Column
+        The column.
+
+    Raises
+    ------
+    RecordingError
+        If the unit is unknown.
     """
     name, allowed, key = table.names[index], COLUMN_UNITS[quantity], unit.lower()
     if key not in allowed:
@@ -297,10 +377,29 @@ def _build_column(table: Table, path: Path, quantity: str, index: int, *, unit: 
 
 
 def _find_heading(lines: list[str], path: Path) -> tuple[str, int]:
-    """Return the character that separates the columns, and the index of the line with their names.
+    """Find the line with the names of the columns, and the character that separates them.
 
-    Such a line has a column whose name begins with a word for speed or torque. Raises
-    RecordingError if there is none.
+    Such a line has at least two fields. One of them begins with a word for speed or torque, and the
+    first one does not begin with `trigger`.
+
+    Parameters
+    ----------
+    lines : list of str
+        Lines of the file, of which the first 200 are searched.
+    path : Path
+        The file, for messages.
+
+    Returns
+    -------
+    separator : str
+        Semicolon, tab or comma.
+    index : int
+        Index of the line, from 0.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such line.
     """
     prefixes = ("velocity", "speed", "torque", "tau", "omega")
     for separator, (k, line) in itertools.product((";", "\t", ","), enumerate(lines[:200])):
@@ -340,7 +439,23 @@ def _strip_commas(line: str) -> str:
 
 
 def _split_fields(line: str, separator: str) -> list[str]:
-    """Split a line into its fields, without empty fields at the end."""
+    """Split a line into its fields, without empty fields at the end.
+
+    Commas in quotes do not separate fields. If commas do not separate fields at all, those at the
+    end of the line are removed first, because spreadsheets add them.
+
+    Parameters
+    ----------
+    line : str
+        Line of the file.
+    separator : str
+        Character that separates the fields.
+
+    Returns
+    -------
+    list of str
+        Fields, with the spaces around them.
+    """
     if separator == ",":
         fields = (
             next(csv.reader([line.rstrip()]), []) if '"' in line else line.rstrip().split(separator)
@@ -353,17 +468,35 @@ def _split_fields(line: str, separator: str) -> list[str]:
 
 
 def _remove_quotes(text: str) -> str:
-    """Remove blanks and quotes around a field, and replace Unicode minus signs."""
+    """Remove blanks and quotes around a field, and replace Unicode minus signs by hyphens."""
     return text.strip().strip('"').strip().replace("\u2212", "-")
 
 
 def _matching_fields(pattern: re.Pattern[str], fields: Iterable[str]) -> list[str]:
-    """Return the fields that match a pattern from beginning to end."""
+    """Return the fields that match a pattern from beginning to end, in their order."""
     return [field for field in fields if pattern.fullmatch(field)]
 
 
 def _decimal_marks(rows: list[list[str]], width: int) -> list[str]:
-    """Find the decimal mark of each of `width` columns. An ambiguous column has the mark ""."""
+    """Find the decimal mark of each column.
+
+    A column has the mark of those numbers that can be read in only one way. If all its numbers are
+    ambiguous, such as 1,024, the mark is guessed from the whole numbers of the column and from the
+    other columns.
+
+    Parameters
+    ----------
+    rows : list of list of str
+        Fields of each sample.
+    width : int
+        Number of columns.
+
+    Returns
+    -------
+    list of str
+        Decimal mark of each column, "." or ",". It is "" for a column that remains ambiguous or
+        contradicts itself.
+    """
     columns = [[_BLANKS.sub("", _remove_quotes(row[k])) for row in rows] for k in range(width)]
     sure = [_certain_marks(fields) for fields in columns]
     numbers = _matching_fields(_WITH_MARKS, itertools.chain.from_iterable(columns))
@@ -375,26 +508,45 @@ def _decimal_marks(rows: list[list[str]], width: int) -> list[str]:
 
 
 def _certain_marks(fields: list[str]) -> set[str]:
-    """Return the decimal marks of the numbers in a column that can be read in only one way."""
+    """Find the decimal marks of the numbers in a column that can be read in only one way.
+
+    The last mark of such a number separates its decimals. If this mark occurs twice, it separates
+    thousands, and the other mark separates decimals.
+
+    Parameters
+    ----------
+    fields : list of str
+        Texts of the column.
+
+    Returns
+    -------
+    set of str
+        Subset of "." and ",". It has two elements if the numbers contradict each other.
+    """
     marks = set()
     for number in _matching_fields(_WITH_MARKS, fields):
         last_mark = max(map(number.rfind, ".,"))
         if last_mark >= 0 and not _AMBIGUOUS.fullmatch(number):
             mark = number[last_mark]
-            # A mark that occurs twice separates thousands.
+            # A mark that occurs more than once separates thousands.
             marks.add(_OTHER_MARK[mark] if number.count(mark) > 1 else mark)
     return marks
 
 
 def _guess_mark(fields: list[str], elsewhere: set[str]) -> str:
-    """Return the probable decimal mark of a column in which every number is ambiguous, or "".
+    """Guess the decimal mark of a column in which every number with a mark is ambiguous.
 
     Parameters
     ----------
     fields : list of str
         Texts of the column.
     elsewhere : set of str
-        Decimal marks of the other columns.
+        Decimal marks that are certain in any column or, if there are none, all marks in the table.
+
+    Returns
+    -------
+    str
+        Probable decimal mark, "." or ",", or "" if it cannot be guessed.
     """
     marks_in_fields = set("".join(_matching_fields(_AMBIGUOUS, fields))) & set(".,")
     if len(marks_in_fields) != 1:
@@ -411,9 +563,30 @@ def _guess_mark(fields: list[str], elsewhere: set[str]) -> str:
 def _read_samples(
     lines: list[str], start: int, width: int, separator: str, notes: RepairNotes
 ) -> tuple[Array, list[int]]:
-    """Read the samples from the index `start` of the lines to the end.
+    """Read the samples of a table.
 
-    Returns the numbers (samples, width) and the line number of each sample, and adds `notes`.
+    If all fields are plain numbers, they are converted at once. Otherwise, the decimal mark of each
+    column is found, and the fields are converted one by one with notes on every repair.
+
+    Parameters
+    ----------
+    lines : list of str
+        Lines of the file.
+    start : int
+        Index of the first line with a sample.
+    width : int
+        Number of columns.
+    separator : str
+        Character that separates the columns.
+    notes : RepairNotes
+        Notes, which are extended.
+
+    Returns
+    -------
+    values : (samples, width) array
+        Numbers in the units of the file. Missing ones are NaN.
+    numbers : list of int
+        Line number of each sample, from 1.
 
     Raises
     ------
@@ -450,10 +623,34 @@ def _read_samples(
 def _split_rows(
     lines: list[str], start: int, width: int, separator: str, notes: RepairNotes
 ) -> tuple[list[list[str]], list[int], list[int]]:
-    """Return the fields of all samples, `width` for each, and the numbers of their lines.
+    """Split the lines of all samples into fields.
 
-    The third result contains the numbers of the lines with too many fields. Notes on blank lines
-    and an incomplete last line are added to `notes`.
+    A line with too few fields is filled with empty ones, except an incomplete last line, which is
+    left out. A line with too many fields is cut or, if the comma separates columns, becomes empty:
+    its numbers may have decimal commas.
+
+    Parameters
+    ----------
+    lines : list of str
+        Lines of the file.
+    start : int
+        Index of the first line with a sample.
+    width : int
+        Number of columns.
+    separator : str
+        Character that separates the columns.
+    notes : RepairNotes
+        Notes, to which those on blank lines, commas at the end of lines and an incomplete last line
+        are added.
+
+    Returns
+    -------
+    rows : list of list of str
+        Fields of each sample, `width` each.
+    numbers : list of int
+        Line number of each sample, from 1.
+    too_long : list of int
+        Numbers of the lines with too many fields.
     """
     rows: list[list[str]] = []
     numbers = []

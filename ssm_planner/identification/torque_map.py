@@ -1,6 +1,9 @@
 """Compute torque–velocity maps: mean speed and mean torque of each steady-state recording.
 
-The package contains the maps of the three test rigs of the paper as a table.
+`compute_torque_map` computes a map from recordings, and `read_torque_map` reads one from a table of
+these figures. The package contains the maps of the three test rigs of the paper as such a table.
+`recording_kind` decides which recordings are steady, and `find_outliers` finds points that do not
+fit their neighbours.
 """
 
 from collections.abc import Sequence
@@ -44,7 +47,10 @@ REST_SAMPLES = 6
 """Smallest number of samples at zero speed that count as rest."""
 
 NOISE_SPEED_SHARE = 0.05
-"""Share of the usual speed below which a motion of fewer than `REST_SAMPLES` samples is noise."""
+"""Share of the usual speed below which a motion of fewer than `REST_SAMPLES` samples is noise.
+
+The usual speed is the 90 % quantile of the speeds of a recording.
+"""
 
 OUTLIER_SCORE = 5.0
 """Smallest distance of an outlier from the line through its neighbours, in standard deviations.
@@ -53,7 +59,11 @@ A robust estimate of the standard deviation is used.
 """
 
 SMALLEST_DEVIATION = 0.005
-"""Smallest assumed standard deviation, as a share of the torque range, because a map is curved."""
+"""Smallest assumed standard deviation of a torque in the search for outliers.
+
+It is a share of the torque range. A smaller one would make outliers of regular points, because a
+map is curved and its points are compared with lines.
+"""
 
 LARGEST_DRIFT = 0.2
 """Relative change of speed from the first to the last third of a recording above which the motion
@@ -102,7 +112,7 @@ class TorqueMap:
     repairs: tuple[str, ...] = ()
     """Repairs of the files, as sentences."""
     ripple: Array | None = None
-    """RMS of the torque that repeats with the motor angle. NaN for less than two turns."""
+    """RMS of the torque that repeats with the motor angle. NaN for a recording below two turns."""
     peak: Array | None = None
     """Largest |torque| minus |mean torque|."""
     dates: Array | None = None
@@ -117,7 +127,9 @@ class TorqueMap:
     def friction(self) -> Array:
         """Part of the torque that is due to friction, (points,) in N·m.
 
-        It is half the difference between the torques at a speed and at the opposite speed.
+        It is half the difference between the torques at a speed and at the opposite speed, because
+        a constant load is the same in both directions. The torque at the opposite speed is
+        interpolated between the points of the other direction.
         """
         opposite = np.empty(len(self.w))
         for side in (self.w > 0, self.w < 0):
@@ -126,10 +138,24 @@ class TorqueMap:
         return (self.tau - opposite) / 2
 
     def spread(self, sign: int) -> Ripple | None:
-        """Return the ripple and the noise of the torque in one direction (±1).
+        """Return the ripple and the noise of the torque in one direction.
 
-        The result is None if the map lacks them or has no point in this direction. A recording
-        shorter than two turns gets the median ratio of ripple to deviation.
+        The standard deviation of the torque in a recording is divided into the part that repeats
+        with the motor angle (ripple) and the rest (noise). The ripple of a recording shorter than
+        two turns is unknown. The median ratio of ripple to standard deviation of the other
+        recordings is used for it.
+
+        Parameters
+        ----------
+        sign : int
+            Sign of the motor speed, ±1.
+
+        Returns
+        -------
+        Ripple or None
+            Torques, ripple, noise and peaks of the points in this direction. None if the map lacks
+            them, has no point in this direction, or has a point without any deviation of the
+            torque.
         """
         side = np.sign(self.w) == sign
         if (
@@ -151,17 +177,23 @@ class TorqueMap:
 
 
 def rest_mask(time: Array, w: Array) -> Mask:
-    """Return a mask (samples,) of the samples in which the motor rests.
+    """Find the samples in which the motor rests.
 
     Zero speed for a short time is motion below the resolution of the speed channel, and does not
-    count as rest. A few samples at very low speed are noise, and count as rest.
+    count as rest, unless the direction of motion changes there. A few samples at very low speed are
+    noise, and count as rest.
 
     Parameters
     ----------
-    time : (samples,)
-        Time, s.
-    w : (samples,)
-        Motor speed, rad/s.
+    time : (samples,) array
+        Times (s).
+    w : (samples,) array
+        Motor speeds (rad/s).
+
+    Returns
+    -------
+    (samples,) array of bool
+        True at rest.
     """
     is_still = np.abs(w) <= STANDSTILL_SPEED
     noise_speed = (
@@ -182,9 +214,25 @@ def rest_mask(time: Array, w: Array) -> Mask:
 
 
 def recording_kind(recording: Recording) -> Literal["steady", "start_stop"]:
-    """Distinguish recordings at constant speed (`steady`) from starts and stops (`start_stop`).
+    """Distinguish recordings at constant speed from those with starts and stops.
 
-    Raises RecordingError if the motor never moves.
+    A recording has starts and stops if each direction has more than 5 % of the sum of all |speeds|,
+    or if the motor rests almost without torque in more than 5 % of the samples.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recording of speed and torque.
+
+    Returns
+    -------
+    {"steady", "start_stop"}
+        Kind of the recording.
+
+    Raises
+    ------
+    RecordingError
+        If the motor never moves.
     """
     forward = np.sum(recording.w[recording.w > 0])
     backward = -np.sum(recording.w[recording.w < 0])
@@ -202,9 +250,23 @@ def recording_kind(recording: Recording) -> Literal["steady", "start_stop"]:
 def compute_torque_map(recordings: Sequence[Recording]) -> TorqueMap:
     """Compute the torque–velocity map of steady-state recordings.
 
-    Noisy and drifting speeds are kept, with a remark in `repairs`.
+    Recordings with a noisy or drifting speed are kept, with a remark in `repairs`.
 
-    Raises RecordingError if the motor would produce energy in both directions.
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Recordings at constant speed, in any order.
+
+    Returns
+    -------
+    TorqueMap
+        One point for each recording, (points,) arrays sorted by speed.
+
+    Raises
+    ------
+    RecordingError
+        If the motor would produce energy in both directions, so that the sign of the torque or of
+        the speed must be wrong.
     """
     order = sorted(recordings, key=lambda recording: float(recording.w.mean()))
     repairs = [f"{recording.name}: {repair}" for recording in order for repair in recording.repairs]
@@ -248,9 +310,20 @@ def compute_torque_map(recordings: Sequence[Recording]) -> TorqueMap:
 
 
 def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
-    """Build a map from rows of numbers in the order of `TABLE_HEADER`.
+    """Build a map from rows of numbers, sorted by speed.
 
-    The first two columns, rig and recording, are not in the rows.
+    Parameters
+    ----------
+    names : list of str
+        Name of the recording of each row.
+    rows : list of list of float
+        Numbers in the order of `TABLE_HEADER` without its first two columns, rig and recording. The
+        last number, the date, may be missing in all rows.
+
+    Returns
+    -------
+    TorqueMap
+        One point for each row.
     """
     table = np.array(rows)
     order = np.argsort(table[:, 0], kind="stable")
@@ -269,7 +342,12 @@ def read_torque_map(path: str | Path, rig: str) -> TorqueMap:
     path : str or Path
         CSV file with the columns `TABLE_HEADER`. Lines that start with # are comments.
     rig : str
-        Name of the rig.
+        Name of the rig, which selects the rows.
+
+    Returns
+    -------
+    TorqueMap
+        One point for each row of the rig.
 
     Raises
     ------
@@ -300,8 +378,22 @@ def read_torque_map(path: str | Path, rig: str) -> TorqueMap:
 def _parse_row(fields: list[str], location: str) -> list[float]:
     """Convert the fields of one row to numbers.
 
-    Raises RecordingError, with the text `location`, unless all are finite. Only the ripple and the
-    date may be NaN.
+    Parameters
+    ----------
+    fields : list of str
+        Fields in the order of `TABLE_HEADER` without its first two columns.
+    location : str
+        File and line, for messages.
+
+    Returns
+    -------
+    list of float
+        One number for each field.
+
+    Raises
+    ------
+    RecordingError
+        If a field is not a finite number. Only the ripple and the date may be NaN.
     """
     try:
         row = [float(field) for field in fields]
@@ -329,16 +421,21 @@ def find_outliers(w: Array, tau: Array) -> list[Outlier]:
     """Find isolated points of a torque–velocity map.
 
     Each point is compared with the line through its two nearest neighbours in the same direction.
-    The friction law is not needed, so a bad law does not cause outliers. The worst outlier is
-    removed before the next one is sought. At most a quarter of the points are removed, and none in
-    a direction with fewer than _MIN_POINTS points.
+    The friction law is not needed, so a law that fits badly does not cause outliers. The worst
+    outlier is removed before the next one is sought. At most a quarter of the points are removed,
+    and none in a direction with fewer than five points.
 
     Parameters
     ----------
-    w : (points,)
-        Mean motor speeds, rad/s, in increasing order.
-    tau : (points,)
-        Mean motor torques, N·m.
+    w : (points,) array
+        Mean motor speeds (rad/s), in increasing order.
+    tau : (points,) array
+        Mean motor torques (N·m).
+
+    Returns
+    -------
+    list of Outlier
+        Outliers in the order of their indices.
     """
     mask = np.ones(len(w), bool)
     outliers: list[Outlier] = []
@@ -354,23 +451,30 @@ def find_outliers(w: Array, tau: Array) -> list[Outlier]:
 
 
 def _outlier_scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, float]:
-    """Compare each point of a map with the line through its neighbours.
+    """Compare each point of a map with the line through its neighbours in the same direction.
+
+    The distance from this line contains the errors of three torques. If these have the standard
+    deviation σ, the distance has the standard deviation σ √(1 + (1 − a)² + a²), where a is the
+    position of the point between its left (0) and its right neighbour (1). The position of an
+    outermost point is outside this range, because both of its neighbours are on one side. A robust
+    estimate of σ follows from the median of all distances.
 
     Parameters
     ----------
-    w, tau : (points,)
-        Mean motor speeds in rad/s and torques in N·m.
-    mask : (points,)
+    w, tau : (points,) array
+        Mean motor speeds (rad/s, in increasing order) and torques (N·m).
+    mask : (points,) array of bool
         Mask of the points that are compared.
 
     Returns
     -------
-    score : (points,)
-        Distance from the line, divided by its expected standard deviation.
-    distance : (points,)
-        Distance from the line, N·m.
+    score : (points,) array
+        Distance from the line, divided by its expected standard deviation. 0 for points that are
+        not compared.
+    distance : (points,) array
+        Measured torque minus that on the line (N·m).
     deviation : float
-        Robust standard deviation of one torque, N·m.
+        Robust standard deviation σ of one torque (N·m).
     """
     distance, spread = np.full(len(w), np.nan), np.ones(len(w))
     for sign in (-1.0, 1.0):
