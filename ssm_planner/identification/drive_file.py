@@ -1,4 +1,7 @@
-"""Write the file of a drive with its identified friction, intervals and sources, as YAML."""
+"""Write the file of a drive with its identified friction, intervals and sources, as YAML.
+
+`write_drive` copies a drive file and replaces its friction. `Identification.save` calls it.
+"""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -80,7 +83,21 @@ def write_drive(
 
 
 def _heading_comments(fit: MapFit, evidence: str) -> str:
-    """Return the comment lines at the beginning of the file, which summarise the fit."""
+    """Return the comment lines at the beginning of the file, which summarise the fit.
+
+    Parameters
+    ----------
+    fit : MapFit
+        Fit of the torque–velocity map.
+    evidence : str
+        Description of the recordings.
+
+    Returns
+    -------
+    str
+        Lines that begin with `# `: the source, the law and its error, the probabilities of the
+        laws, the parameters that depend on the prior, and the outliers.
+    """
     lines = [
         f"Friction identified from {evidence}.",
         f"Law {fit.law}, NRMSD of the torque-velocity map {fit.nrmsd:.4f} over "
@@ -102,7 +119,24 @@ def _heading_comments(fit: MapFit, evidence: str) -> str:
 def _friction_entry(
     drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str
 ) -> JsonObject:
-    """Return the content of the key `friction`, as dictionaries, numbers and texts."""
+    """Return the content of the key `friction` of the drive file.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with the identified friction.
+    fit : MapFit
+        Fit of the torque–velocity map.
+    dynamic : Mapping
+        Estimates from the start–stop recordings, by name of the parameter.
+    evidence : str
+        Description of the recordings, which becomes the source.
+
+    Returns
+    -------
+    dict
+        Dictionaries, numbers and texts that YAML can contain.
+    """
     friction = required_friction(drive)
     estimates = {**fit.estimates, **dynamic}
     names = ["mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov"]
@@ -124,9 +158,19 @@ def _friction_entry(
 
 
 def _posterior_entry(posterior: Posterior) -> JsonObject:
-    """Return the content of the key `posterior`, as dictionaries, numbers and texts.
+    """Return the content of the key `posterior` of the friction.
 
-    A row of numbers is one text, because YAML reads it much faster than a list.
+    Rows of numbers become one text each, because YAML reads it much faster than a list.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Equally likely parameter sets, and the ripple of the torque.
+
+    Returns
+    -------
+    dict
+        Dictionaries, numbers and texts that YAML can contain.
     """
     draws = {name: _joined_numbers(posterior.column(name)) for name in posterior.names}
     table: JsonObject = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
@@ -152,12 +196,42 @@ def _joined_numbers(values: Iterable[float]) -> str:
 def _parameter_entry(
     drive: Drive, name: str, value: float, estimate: Estimate | None
 ) -> JsonObject:
-    """Return the value of a parameter with its unit and its source, in the form of a drive file."""
+    """Return the entry of one parameter in the drive file: its value with unit, and its source.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive, whose kind of motion (rotating or sliding) determines the unit.
+    name : str
+        Name of the parameter.
+    value : float
+        Value in SI units.
+    estimate : Estimate or None
+        Estimate with its interval. None if the parameter was not identified.
+
+    Returns
+    -------
+    dict
+        The keys `value` and `source`.
+    """
     return {"value": _quantity_text(drive, name, value), "source": _source_text(name, estimate)}
 
 
 def _source_text(name: str, estimate: Estimate | None) -> str:
-    """Return the text of a parameter's source, with the 95 % interval of its estimate."""
+    """Describe where the value of a parameter comes from.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter.
+    estimate : Estimate or None
+        Estimate with its interval. None if the parameter was not identified.
+
+    Returns
+    -------
+    str
+        Text of the key `source`, with the 95 % interval of an identified parameter.
+    """
     if estimate is None:
         return "the law's value as speed tends to 0" if name == "mu_static" else "not identified"
     if estimate.fixed:
@@ -171,7 +245,20 @@ def _source_text(name: str, estimate: Estimate | None) -> str:
 
 
 def parameter_unit(drive: Drive, name: str) -> str | None:
-    """Return the SI unit of a parameter as text, or None for a dimensionless parameter."""
+    """Return the SI unit of a parameter of a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive, whose kind of motion (rotating or sliding) determines the unit of its output.
+    name : str
+        Name of a field of `Rig`, `Drive` or `Friction`.
+
+    Returns
+    -------
+    str or None
+        Unit as text, such as `N*m`. None for a dimensionless parameter.
+    """
     of_field = {
         **field_quantities(Rig),
         **field_quantities(Drive),
@@ -184,7 +271,19 @@ def parameter_unit(drive: Drive, name: str) -> str | None:
 def _quantity_text(drive: Drive, name: str, value: float) -> Any:
     """Format a value with eight significant digits and its unit.
 
-    A dimensionless value remains a number.
+    Parameters
+    ----------
+    drive : Drive
+        Drive, whose kind of motion determines the unit.
+    name : str
+        Name of the parameter.
+    value : float
+        Value in SI units.
+
+    Returns
+    -------
+    str or float
+        Text such as `0.0012 N*m`, or a number for a dimensionless parameter.
     """
     unit = parameter_unit(drive, name)
     return float(f"{value:.8g}") if unit is None else f"{value:.8g} {unit}"

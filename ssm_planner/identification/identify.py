@@ -1,4 +1,9 @@
-"""Identify the friction of a drive from recordings, and predict the torque of recordings."""
+"""Identify the friction of a drive from recordings, and predict the torque of recordings.
+
+`identify` and `predict` are the two functions for users. They read the recordings and the drive
+file, and combine the other modules: `torque_map`, `fit`, `dynamic`, `harmonics` and `reaction` for
+the identification, and `prediction` for the prediction.
+"""
 
 from __future__ import annotations
 
@@ -224,10 +229,21 @@ def identify(
 def _with_ripple(
     drive: Drive, harmonics: Mapping[str, Harmonics | None], reaction: Reaction | None
 ) -> Drive:
-    """Return the drive with harmonics and reaction in the posterior of its friction.
+    """Add harmonics and the reaction of the speed controller to the posterior of a drive.
 
-    `harmonics` contains the harmonics by direction (`forwards`, `backwards`). A drive without a
-    posterior is returned unchanged.
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its identified friction.
+    harmonics : Mapping
+        Harmonics of the torque by direction (`forwards`, `backwards`). None if they are unknown.
+    reaction : Reaction or None
+        Reaction of the speed controller. None if it is unknown.
+
+    Returns
+    -------
+    Drive
+        The drive. It is unchanged if its friction has no posterior.
     """
     friction = required_friction(drive)
     if friction.posterior is None:
@@ -290,21 +306,45 @@ def predict(
 
 
 def friction_origin(drive: str | Path) -> str:
-    """Describe where `predict` finds the friction: in the drive file or in a table."""
+    """Describe where `predict` finds the friction of a drive.
+
+    Parameters
+    ----------
+    drive : str or Path
+        Drive file, or the name of a shipped drive.
+
+    Returns
+    -------
+    str
+        `the drive file`, or a description of the table of mean speeds and torques in its folder.
+    """
     return (
         "the drive file" if load_drive(drive).friction is not None else load_map(drive, [], [])[1]
     )
 
 
 def _read_rig_recordings(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
-    """Read recordings with the nominal torque and the direction of the drive's test rig."""
+    """Read recordings with the nominal torque and the direction of the drive's test rig.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive. Without a test rig, the nominal torque is unknown, and signs are kept.
+    recordings : sequence of str or Path
+        Files or folders.
+
+    Returns
+    -------
+    list of Recording
+        One recording for each file.
+    """
     rig = drive.rig
     nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
     return read_recordings(list(recordings), nominal_torque=nominal, direction=direction)
 
 
 def _divide_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """Divide recordings into those at constant speed and those with starts and stops."""
+    """Divide recordings into two lists: at constant speed, and with starts and stops."""
     kinds: dict[str, list[Recording]] = {"steady": [], "start_stop": []}
     for recording in recordings:
         kinds[recording_kind(recording)].append(recording)
@@ -312,18 +352,36 @@ def _divide_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[
 
 
 def rig_load(drive: Drive) -> tuple[float, float]:
-    """Return the effort (N·m or N) and the inertia (kg·m² or kg) of the payload on the test rig.
+    """Return the effort and the inertia of the payload on the test rig of a drive.
 
-    Both are 0 for a drive without a test rig.
+    Parameters
+    ----------
+    drive : Drive
+        Drive with or without a test rig.
+
+    Returns
+    -------
+    effort : float
+        Effort on the output (N·m for a rotating drive, N for a sliding one). 0 without a test rig.
+    inertia : float
+        Inertia at the output (kg·m² or kg). 0 without a test rig.
     """
     return (0.0, 0.0) if drive.rig is None else (drive.rig.F_payload, drive.rig.payload_inertia)
 
 
 def prior_centres(drive: Drive) -> dict[str, float]:
-    """Return the centres of the prior, which are expected friction parameters, by name.
+    """Return expected friction parameters, which become the centres of the prior.
 
-    They are the values published for the test rig or, without these, the friction in the drive
-    file.
+    Parameters
+    ----------
+    drive : Drive
+        Drive before the identification.
+
+    Returns
+    -------
+    dict
+        Values by name in SI units. They are the values published for the test rig or, without
+        these, those of the friction in the drive file. The result is empty without both.
     """
     if drive.rig is not None and drive.rig.published:
         return dict(drive.rig.published)

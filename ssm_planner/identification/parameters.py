@@ -1,4 +1,9 @@
-"""Define the parameters of an identification and set them in a drive."""
+"""Define the parameters of an identification and set them in a drive.
+
+The parameters are those of `Friction`: the bearing friction b_c (Coulomb) and b_v (viscous) of the
+motor side, b_oc and b_ov of the output side, and the coefficient mu of the gear mesh, which the
+Stribeck laws extend by mu_stribeck and stribeck_speed. The preload of a nut may be fitted as well.
+"""
 
 from collections.abc import Mapping
 from typing import cast
@@ -28,7 +33,10 @@ _LOCKING_MU_FACTOR = 1.005
 FRICTION_PARAMETERS = ("b_c", "b_v", "mu", "b_oc", "b_ov", "mu_stribeck")
 """Parameters that change in proportion if friction changes during a session."""
 CHANGE, WARM_UP = SESSION_CHANGE_PARAMETERS = ("change", "warm_up")
-"""Change of ln friction during a session, and its time constant as a share of the session."""
+"""Names of two parameters: the change of ln friction during a session, and its time constant.
+
+The time constant is a share of the duration of the session.
+"""
 MAP_PARAMETERS = (*FRICTION_PARAMETERS, "stribeck_speed", "preload")
 """Names of the parameters that can be fitted to a torque–velocity map or fixed by the user."""
 
@@ -47,6 +55,8 @@ def parameter_names(law: str) -> tuple[str, ...]:
 def drive_with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Drive:
     """Return the drive with another friction law and other parameters.
 
+    The values are not checked, so that arrays of them can represent many parameter sets at once.
+
     Parameters
     ----------
     drive : Drive
@@ -54,7 +64,14 @@ def drive_with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -
     law : str
         One of `FRICTION_LAWS`.
     values : Mapping
-        Parameters by name, in SI units. Arrays represent many parameter sets at once.
+        Parameters by name, in SI units: numbers, or (sets, 1) arrays. Parameters that are missing
+        keep the value of the drive. A drive without friction has μ = `TYPICAL_MU` and no bearing
+        friction. The Coulomb law removes the Stribeck term.
+
+    Returns
+    -------
+    Drive
+        The drive with these parameters.
     """
     friction: Keywords = {name: values[name] for name in LAW_PARAMETERS if name in values}
     base = drive.friction or Friction(mu=TYPICAL_MU, mu_static=TYPICAL_MU, b_c=0.0, b_v=0.0)
@@ -68,22 +85,22 @@ def drive_with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -
 
 
 def map_torque(drive: Drive, w: Array, load: float | Array) -> Array:
-    """Compute the motor torque in N·m of motion at constant speed.
+    """Compute the motor torque of motion at constant speed.
 
     Parameters
     ----------
     drive : Drive
-        Drive with its friction. Its parameters may be columns (sets, 1).
-    w : (points,)
-        Motor speeds, rad/s.
-    load : float or (sets, 1)
-        Constant effort on the output, N·m or N.
+        Drive with its friction. Its parameters may be (sets, 1) arrays.
+    w : (points,) array
+        Motor speeds (rad/s).
+    load : float or (sets, 1) array
+        Constant effort on the output (N·m or N).
 
     Returns
     -------
-    (points,) or (sets, points)
-        Motor torques. There is one row for each parameter set if the load or the friction has
-        columns.
+    (points,) or (sets, points) array
+        Motor torques (N·m). There is one row for each parameter set if the load or the friction is
+        an array.
     """
     effort = output_effort(drive, load, w / drive.ratio, 0.0)
     return motor_torque(drive, effort, w, 0.0)
@@ -92,8 +109,18 @@ def map_torque(drive: Drive, w: Array, load: float | Array) -> Array:
 def smallest_locking_mu(drive: Drive) -> float:
     """Return the smallest friction coefficient that the fit permits for a self-locking drive.
 
-    It is slightly above tan λ · cos θ_n, with the lead angle λ and the normal pressure angle θ_n,
-    below which the output could drive the motor. The result is 0 for other drives.
+    It is `_LOCKING_MU_FACTOR` times tan λ · cos θ_n, with the lead angle λ and the normal pressure
+    angle θ_n. Below tan λ · cos θ_n, the output could drive the motor.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with the geometry of its mesh.
+
+    Returns
+    -------
+    float
+        Friction coefficient (dimensionless). 0 for a drive that need not be self-locking.
     """
     return (
         _LOCKING_MU_FACTOR * float(-self_locking_margin(drive, 0.0)[0])

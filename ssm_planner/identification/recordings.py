@@ -1,6 +1,9 @@
 """Read recordings of a drive: exports of the EPOS recorder, and CSV files with named columns.
 
-The names of the channels select the columns. Every repair of a file is stated.
+`read_recordings` reads files and folders, and `read_recording` one file. The names of the channels
+select the columns, see the module `recorder_csv`. Every repair of a file is stated in the
+recording, as are signs of a faulty measurement. The last functions of this module are small tools
+for sampled signals, which the other modules use.
 """
 
 import math
@@ -32,9 +35,10 @@ MIN_SAMPLES = 8
 SUSPICIOUS_COUNT = 8
 """Number of samples at the largest torque, or of equal samples in a row, that is suspicious."""
 PEAK_BAND, PEAK_EXCESS = 0.01, 4
-"""Width of the band below the largest torque, as a share of the torque range.
+"""Width of a band below the largest |torque|, as a share of the range of |torque|.
 
-Its samples are suspicious if they are PEAK_EXCESS times those of the next band.
+The torque seems to be limited if this band contains more than PEAK_EXCESS times as many samples as
+the next band of this width.
 """
 RUN_RATIO = 3
 """Ratio of the longest to the second longest run of equal torques in a channel that has stopped.
@@ -42,9 +46,12 @@ RUN_RATIO = 3
 The ratio is smaller for a channel with a coarse resolution.
 """
 UNSUSTAINABLE_TORQUE_RATIO = 2.0
-"""Ratio of mean to nominal torque that no motor can sustain."""
+"""Ratio of mean |torque| to nominal torque above which no motor can work continuously."""
 PASSAGE_LENGTH, REPEATED_SHARE = 8, 0.5
-"""Number of samples in a compared passage, and the share of common passages in a repetition."""
+"""Number of samples in a passage, and share of the passages that a repetition has in common.
+
+Recordings are compared by their passages, that is, by short sequences of consecutive samples.
+"""
 SPIKE_GAP = 3.0
 """Distance of a spike from the other samples, in units of their range."""
 
@@ -177,22 +184,22 @@ def read_recording(
 
 
 def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, Indices, list[str]]:
-    """Remove the samples that are not finite.
+    """Remove the samples in which a channel is not a finite number, and check the others.
 
     Parameters
     ----------
-    channels : (4, samples)
+    channels : (4, samples) array
         Time, speed, torque and position in SI units.
     table : Table
-        Table of the file.
+        Table of the file, with the line number of each sample.
     path : Path
         The file, for messages.
 
     Returns
     -------
-    channels : (4, finite samples)
+    channels : (4, finite samples) array
         The remaining samples.
-    lines : (finite samples,)
+    lines : (finite samples,) array of int
         Their line numbers.
     remarks : list of str
         A remark on the removed samples, if there are any.
@@ -234,14 +241,19 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
 
 
 def _remove_spikes(channels: Array, lines: Indices) -> list[str]:
-    """Replace spikes of torque and speed by NaN, and return a remark on each channel with spikes.
+    """Replace spikes of torque and speed by NaN.
 
     Parameters
     ----------
-    channels : (4, samples)
+    channels : (4, samples) array
         Time, speed, torque and position, which are changed.
-    lines : (samples,)
+    lines : (samples,) array of int
         Line number of each sample.
+
+    Returns
+    -------
+    list of str
+        A remark on each channel with spikes.
     """
     remarks = []
     for quantity, channel in (("torque", channels[2]), ("speed", channels[1])):
@@ -299,11 +311,21 @@ def read_recordings(
 
 
 def find_spikes(values: Array) -> Indices:
-    """Return the indices of isolated samples among values (samples,).
+    """Find isolated samples that are far from all others.
 
-    An isolated sample differs from the median of itself and its two neighbours by more than
-    `SPIKE_GAP` times the range of the values without the outermost ones. These are 1 % of the
-    samples on each side, or one sample of a short recording.
+    A sample is isolated if it differs from the median of itself and its two neighbours by more than
+    `SPIKE_GAP` times the range of the values. The range is computed without the outermost values,
+    which are 1 % of the samples on each side, and at least one.
+
+    Parameters
+    ----------
+    values : (samples,) array
+        Values of one channel.
+
+    Returns
+    -------
+    (spikes,) array of int
+        Indices of the isolated samples.
     """
     from scipy.ndimage import median_filter
 
@@ -314,7 +336,23 @@ def find_spikes(values: Array) -> Indices:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a recording. Raises RecordingError for large, empty and binary files."""
+    """Read the text of a recording, which may be encoded in UTF-8, UTF-16 or Windows-1252.
+
+    Parameters
+    ----------
+    path : Path
+        File of at most `MAX_BYTES` bytes.
+
+    Returns
+    -------
+    str
+        Text of the file.
+
+    Raises
+    ------
+    RecordingError
+        If the file is too large, empty, not readable or not a text file.
+    """
     try:
         raw = read_file_bytes(path, MAX_BYTES)
     except ProblemError as error:
@@ -338,10 +376,31 @@ def read_text(path: Path) -> str:
 def _column_in_si(
     table: Table, column: Column, path: Path, quantity: str, references: dict[str, float | None]
 ) -> Array:
-    """Convert a column of a table to SI units, (samples,).
+    """Convert a column of a table to SI units.
 
-    `references` are the nominal torque (N·m) and the turns per increment, by quantity. Raises
-    RecordingError if a unit is relative to an unknown one.
+    Parameters
+    ----------
+    table : Table
+        Table of the file.
+    column : Column
+        Column that is converted.
+    path : Path
+        The file, for messages.
+    quantity : str
+        Quantity of the column: `time`, `speed`, `torque` or `position`.
+    references : dict
+        Nominal torque of the motor (N·m) for the key `torque`, and turns per increment for the key
+        `position`. They multiply columns with a relative unit, such as %. None if unknown.
+
+    Returns
+    -------
+    (samples,) array
+        Values in SI units.
+
+    Raises
+    ------
+    RecordingError
+        If the unit is relative to an unknown value.
     """
     reference = references[quantity] if column.relative else 1.0
     if reference is None:
@@ -356,9 +415,23 @@ def _column_in_si(
 
 
 def _time_remarks(time: Array, header: dict[str, str]) -> Iterator[str]:
-    """Yield remarks on times (samples,) in s that contradict the header's sampling period.
+    """Yield remarks on a wrong unit of the time, and on missing samples.
 
-    Many missing samples also give a remark.
+    The unit seems wrong if the median distance of the samples is less than half or more than twice
+    the sampling period in the header. Samples are missing where the distance is a multiple of the
+    median. They are mentioned if they exceed `LARGEST_OMITTED_SHARE`.
+
+    Parameters
+    ----------
+    time : (samples,) array
+        Times (s).
+    header : dict
+        Texts above the table by label. `sampling period` is in ms.
+
+    Yields
+    ------
+    str
+        One sentence for each finding.
     """
     period, steps = header.get("sampling period", ""), 1e3 * np.diff(time)
     step = float(np.median(steps))
@@ -374,18 +447,26 @@ def _time_remarks(time: Array, header: dict[str, str]) -> Iterator[str]:
 def _torque_remarks(
     torque: Array, column: Column, nominal_torque: float | None, moving: Mask
 ) -> Iterator[str]:
-    """Yield remarks on a torque that seems to be limited, frozen, or in a wrong unit.
+    """Yield remarks on a torque channel that seems to be limited, stopped, or in a wrong unit.
+
+    A limited torque has many samples at its largest value and few just below it. A stopped channel
+    has one run of equal values that is much longer than all others.
 
     Parameters
     ----------
-    torque : (samples,)
-        Motor torque, N·m.
+    torque : (samples,) array
+        Motor torques (N·m).
     column : Column
-        Column of the torque.
+        Column of the torque in the file, with its unit.
     nominal_torque : float, optional
-        Nominal torque of the motor, N·m.
-    moving : (samples,)
-        Mask of the samples in motion.
+        Nominal torque of the motor (N·m).
+    moving : (samples,) array of bool
+        True for the samples in motion.
+
+    Yields
+    ------
+    str
+        One sentence for each finding.
     """
     size = np.abs(torque)
     distance_to_peak = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
@@ -406,10 +487,19 @@ def _torque_remarks(
 
 
 def _longest_runs(torque: Array, moving: Mask) -> tuple[int, int]:
-    """Return the lengths of the longest and the second longest run of equal torques during motion.
+    """Find the longest and the second longest run of equal torques during motion.
 
-    Without a second run, its length is 1. `torque` is in N·m, and `moving` is a mask, (samples,)
-    both.
+    Parameters
+    ----------
+    torque : (samples,) array
+        Motor torques (N·m).
+    moving : (samples,) array of bool
+        True for the samples in motion.
+
+    Returns
+    -------
+    longest, second : int
+        Numbers of samples of both runs. A run that does not exist has the length 1.
     """
     repeats = (np.diff(torque) == 0.0) & moving[1:] & moving[:-1]
     rows = sorted([1, 1, *(stop - start + 1 for start, stop in true_runs(repeats))])
@@ -417,9 +507,22 @@ def _longest_runs(torque: Array, moving: Mask) -> tuple[int, int]:
 
 
 def _percent_remarks(share: Array, unit: str) -> Iterator[str]:
-    """Yield a remark if torques relative to the nominal torque seem to be in ‰ instead of %.
+    """Yield a remark if a torque that is labelled % seems to be in ‰.
 
-    `share` (samples,) is the torque divided by the nominal torque, and `unit` the unit in the file.
+    This is so if all values are whole numbers and some exceed 100 %, or if the mean |torque| is
+    more than a motor can sustain.
+
+    Parameters
+    ----------
+    share : (samples,) array
+        Motor torques, divided by the nominal torque.
+    unit : str
+        Unit in the file.
+
+    Yields
+    ------
+    str
+        The remark.
     """
     percent, size = 100 * share, np.abs(share)
     whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
@@ -431,14 +534,20 @@ def _percent_remarks(share: Array, unit: str) -> Iterator[str]:
 
 
 def remove_repetitions(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
-    """Remove repeated recordings.
+    """Remove recordings that repeat another one, so that no measurement counts twice.
 
-    A recording is a repetition if a longer one contains most of its samples.
+    A recording is a repetition if another one that is at least as long contains more than
+    `REPEATED_SHARE` of its passages. A passage consists of `PASSAGE_LENGTH` consecutive samples.
+
+    Parameters
+    ----------
+    recordings : list of Recording
+        Recordings, of which the first one of equal length is kept.
 
     Returns
     -------
     recordings : list of Recording
-        The others in their order.
+        The remaining recordings in their order.
     remarks : list of str
         A sentence on each removed recording.
     """
@@ -458,9 +567,20 @@ def remove_repetitions(recordings: list[Recording]) -> tuple[list[Recording], li
 
 
 def _passage_hashes(recording: Recording) -> set[int]:
-    """Return the hash of every `PASSAGE_LENGTH` consecutive samples of speed and torque.
+    """Compute a hash of every passage of a recording, by which recordings are compared.
 
-    The values are rounded to 1e-6 rad/s and 1e-9 N·m.
+    A passage consists of `PASSAGE_LENGTH` consecutive samples of speed and torque. The values are
+    rounded to 1e-6 rad/s and 1e-9 N·m. A shorter recording is one passage.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recording of speed and torque.
+
+    Returns
+    -------
+    set of int
+        Hashes.
     """
     samples = np.column_stack([recording.w / 1e-6, recording.tau / 1e-9])
     rounded = np.round(samples).astype(np.int64)
@@ -469,16 +589,37 @@ def _passage_hashes(recording: Recording) -> set[int]:
 
 
 def true_runs(mask: Mask) -> list[list[int]]:
-    """Return [start, stop] for each run of consecutive True values in a mask (samples,).
+    """Find the runs of consecutive True values in a mask.
 
-    `start` is the index of the first value, and `stop` is one past the last.
+    Parameters
+    ----------
+    mask : (samples,) array of bool
+        The mask.
+
+    Returns
+    -------
+    list of [int, int]
+        Index of the first value of each run, and one past the index of its last value.
     """
     edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
     return np.flatnonzero(edges).reshape(-1, 2).tolist()
 
 
 def trapezoidal_integral(time: Array, rate: Array) -> Array:
-    """Return the integral (samples,) of a rate (samples,) since the first sample."""
+    """Integrate a rate over time by the trapezoidal rule.
+
+    Parameters
+    ----------
+    time : (samples,) array
+        Increasing times (s).
+    rate : (samples,) array
+        Rates, for example speeds (rad/s).
+
+    Returns
+    -------
+    (samples,) array
+        Integrals from the first sample to each sample, for example angles (rad).
+    """
     return np.append(0.0, np.cumsum(np.diff(time) * (rate[1:] + rate[:-1]) / 2))
 
 
@@ -493,9 +634,19 @@ def largest_magnitude(values: Array) -> float:
 
 
 def smallest_step(values: Array, decimals: int) -> float:
-    """Return the smallest nonzero difference of values (samples,), rounded to `decimals`.
+    """Find the smallest difference between distinct values, which is the resolution of a channel.
 
-    The result is 0 if all values are equal.
+    Parameters
+    ----------
+    values : (samples,) array
+        Values of the channel.
+    decimals : int
+        Number of decimals to which the values are rounded first.
+
+    Returns
+    -------
+    float
+        Smallest nonzero difference in the unit of the values. 0 if all values are equal.
     """
     steps = np.diff(np.unique(np.round(values, decimals)))
     return float(steps.min()) if len(steps) else 0.0
