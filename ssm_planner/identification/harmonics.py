@@ -19,7 +19,7 @@ from ssm_planner.typing import Array
 
 FULL_TURN = 2 * np.pi
 HARMONICS = 3
-"""Number of harmonics of one turn."""
+"""Number of harmonics of one turn of the motor, and of one turn of the wheel."""
 _TRIAL_ANGLES = 720
 """Number of angles that are tried when harmonics are rotated."""
 _ALIGNMENT_ITERATIONS = 5

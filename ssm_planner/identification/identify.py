@@ -78,9 +78,22 @@ class Identification:
         return {} if self.dynamic is None else dict(self.dynamic.estimates)
 
     def save(self, path: str | Path) -> Path:
-        """Write a copy of the drive file with the identified friction, and return its path.
+        """Write a copy of the drive file with the identified friction.
 
-        Raises ExportError if the file cannot be written.
+        Parameters
+        ----------
+        path : str or Path
+            File that is written.
+
+        Returns
+        -------
+        Path
+            The path of the file.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be written.
         """
         write_drive(
             path,

@@ -59,24 +59,28 @@ PRIOR_DEVIATIONS = {
 }
 """Prior standard deviations d_i of ln θ_i by name of the parameter, and of δ (`CHANGE`)."""
 LOAD_PRIOR_DEVIATION = 0.3
-"""Prior standard deviation of the constant load.
+"""Prior standard deviation of the constant load in addition to the payload.
 
-It is a share of the payload or of the effort that would cause the measured friction.
+It is a share of the larger of two efforts: that of the payload, and that which would cause the
+measured friction.
 """
 SCATTER_PRIOR_WEIGHT = 2.0
-"""ν: weight of the guess s₀ in recordings."""
+"""Weight ν of the guess s₀ of the scatter, as a number of recordings."""
 SHARED_FRACTIONS = {0.0: 0.5, 0.5: 0.25, 0.8: 0.25}
 """Possible fractions c of the scatter that recordings share, with their prior probabilities."""
 CROSS_VALIDATION_FOLDS = 6
 """Number of parts into which cross-validation divides the recordings."""
 CLEAR_IMPROVEMENT = 0.5
-"""Number of standard errors by which a law with more parameters must predict better."""
+"""Number of standard errors by which a model with more parameters must predict better."""
 CORRELATION_LENGTH = 2.0
-"""L: difference of ln |w| over which the correlation of errors falls to 1/e."""
+"""Difference L of ln |w| over which the correlation of the law's errors falls to 1/e."""
 SMALLEST_SPEED = 0.1
 """Lower bound of motor speeds in K, rad/s. It is about 1 rpm, the resolution of recorders."""
 SCATTER_DEGREES = 3.0
-"""Degrees of freedom of the t-distribution of a new recording's scatter, because of outliers."""
+"""Degrees of freedom of the t-distribution from which the scatter of a new recording is drawn.
+
+A normal distribution would be too narrow, because some recordings are outliers.
+"""
 _NORMAL_PRIOR_NAMES = (LOAD_OFFSET, CHANGE)
 """Parameters that have a normal prior, and may be negative."""
 NEGLIGIBLE_ERROR = 1e-5
@@ -90,7 +94,9 @@ It is also the weight of the almost flat prior in `data_correlation`.
 class MapModel:
     """One friction law with the data of one torque–velocity map.
 
-    The arrays `w`, `tau` and `weight` have the shape (points,) and SI units.
+    It computes the torque, the errors and the posterior density for many parameter sets at once.
+    The arrays `w`, `tau` and `weight` have the shape (points,) and SI units, with one point for
+    each recording.
     """
 
     drive: Drive

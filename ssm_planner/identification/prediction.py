@@ -61,7 +61,7 @@ EXTRAPOLATION_THRESHOLD = 0.25
 PEAK_CONFIDENCE = 0.99
 """Probability with which the largest torque is below its bound."""
 IMPLAUSIBLE_ERROR = 0.5
-"""NRMSD, or relative error of the mean, above which a recording may be of another drive."""
+"""NRMSD, or relative error of the mean |torque|, above which another drive is suspected."""
 INITIAL_REST_TIME = 10.0
 """Assumed time at rest before a recording that begins at rest, s."""
 
@@ -70,7 +70,8 @@ INITIAL_REST_TIME = 10.0
 class PredictionBand:
     """95 % band of the predicted motor torque of a recording, N·m.
 
-    Arrays have the shape (samples,).
+    The measured torque is expected to be in the band with a probability of 95 %. Arrays have the
+    shape (samples,), with one value for each sample of the recording.
 
     Examples
     --------
@@ -81,7 +82,10 @@ class PredictionBand:
     """
 
     mean: Range
-    """Band of the mean torque, due to uncertain parameters and scatter between recordings."""
+    """Lower and upper end of the band of the mean torque.
+
+    Its width is due to uncertain parameters and to the scatter of the mean between recordings.
+    """
     low: Array
     """Lower end of the band of single samples, which includes ripple and noise."""
     high: Array
@@ -92,7 +96,10 @@ class PredictionBand:
 
 @record
 class Prediction:
-    """Predicted and measured motor torque of one recording, N·m. Arrays have the shape (samples,).
+    """Predicted and measured motor torque of one recording, N·m.
+
+    Arrays have the shape (samples,), with one value for each sample of the recording. Ripple is the
+    deviation of the torque from its mean during motion at constant speed.
 
     Examples
     --------
@@ -114,7 +121,7 @@ class Prediction:
     rest: Array
     """Mask (samples,) of the samples at rest, for which the holding torque is predicted."""
     nrmsd: float
-    """RMS error of the predicted torque, divided by the range of the measured torque."""
+    """RMS error of the predicted torque, divided by the range of the measured torque (`nrmsd`)."""
     contact_lost: float = 0.0
     """Share of the samples in which one half of the preloaded nut loses contact.
 
@@ -123,9 +130,9 @@ class Prediction:
     band: PredictionBand | None = None
     """95 % band of the torque. None if the drive file does not contain a posterior."""
     unseen: float | None = None
-    """Motor speed that is farthest from the recordings of the fit, rad/s.
+    """Motor speed that is farthest from the speeds of the recordings of the fit, rad/s.
 
-    None if these recordings cover all speeds.
+    None if these recordings cover all speeds of the predicted recording, see `unseen_speed`.
     """
 
     @property
@@ -226,9 +233,11 @@ def predict_recording(
 ) -> Prediction:
     """Predict the motor torque of a recording from its speed alone.
 
-    For a steady-state recording, the speed is replaced by its mean. At rest, a self-locking drive
-    holds without torque. The torque that the integrator of a controller leaves at rest is not
-    predicted.
+    The prediction is compared with the measured torque.
+
+    For a steady-state recording, the friction law is evaluated at the mean speed. At rest, a
+    self-locking drive holds without torque. The torque that the integrator of a controller leaves
+    at rest is not predicted.
 
     Parameters
     ----------

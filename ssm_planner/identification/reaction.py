@@ -24,8 +24,9 @@ from ssm_planner.typing import Array
 FILTER_DELAYS = 0.05 * np.arange(-3.0, 4.0)
 """Delays d_k of the filter, s."""
 LARGEST_DEVIATION = 0.1
-"""Deviation from the usual speed of a motion, as a share of it, above which the motor starts or
-stops.
+"""Largest deviation of the speed that the controller is assumed to answer.
+
+It is a share of the usual speed of the motion. Larger deviations are starts and stops.
 """
 
 

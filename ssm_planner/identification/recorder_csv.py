@@ -418,10 +418,22 @@ def _find_heading(lines: list[str], path: Path) -> tuple[str, int]:
 
 
 def _split_heading(name: str, unit: str) -> tuple[str, str]:
-    """Split the heading of a column into its name and its unit.
+    """Split the heading of a column into the name and the unit of its quantity.
 
     The result is ("velocity", "rpm") for `velocity` with the unit `rpm`, for `Velocity [rpm]` and
     for `velocity_rpm`.
+
+    Parameters
+    ----------
+    name : str
+        Name in the file, which may contain the unit in brackets or after an underscore.
+    unit : str
+        Unit in the line of units. Empty if the file states none.
+
+    Returns
+    -------
+    name, unit : str
+        Name in lower case with spaces, and unit as in the file.
     """
     match = _UNIT_IN_NAME.match(name)
     if match and not unit:

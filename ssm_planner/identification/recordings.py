@@ -33,7 +33,10 @@ MAX_BYTES = 32_000_000
 MIN_SAMPLES = 8
 """Smallest number of samples of a recording."""
 SUSPICIOUS_COUNT = 8
-"""Number of samples at the largest torque, or of equal samples in a row, that is suspicious."""
+"""Smallest number of samples with a constant torque that is suspicious.
+
+The samples are those at the largest torque, or equal ones in a row.
+"""
 PEAK_BAND, PEAK_EXCESS = 0.01, 4
 """Width of a band below the largest |torque|, as a share of the range of |torque|.
 
@@ -41,9 +44,9 @@ The torque seems to be limited if this band contains more than PEAK_EXCESS times
 the next band of this width.
 """
 RUN_RATIO = 3
-"""Ratio of the longest to the second longest run of equal torques in a channel that has stopped.
+"""Smallest ratio of the longest to the second longest run of equal torques in a stopped channel.
 
-The ratio is smaller for a channel with a coarse resolution.
+A channel with a coarse resolution also has runs of equal torques, but their lengths differ less.
 """
 UNSUSTAINABLE_TORQUE_RATIO = 2.0
 """Ratio of mean |torque| to nominal torque above which no motor can work continuously."""
@@ -53,7 +56,7 @@ PASSAGE_LENGTH, REPEATED_SHARE = 8, 0.5
 Recordings are compared by their passages, that is, by short sequences of consecutive samples.
 """
 SPIKE_GAP = 3.0
-"""Distance of a spike from the other samples, in units of their range."""
+"""Distance of a spike from its neighbours, in units of the range of the other samples."""
 
 
 @record

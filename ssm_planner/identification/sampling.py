@@ -39,7 +39,9 @@ ADAPTATION_POINTS = (2**12, 2**12, 2**12, 2**13, 2**14)
 The number of t-distributions in the mixture doubles from round to round.
 """
 FINAL_POINTS = 2**17
-"""Number of points in the final round. Intervals with two different shifts then agree within 3 %.
+"""Number of points in the final round.
+
+Intervals of two samples with different starts of the sequence then agree within 3 %.
 """
 POINTS_PER_BLOCK = 2**13
 """Number of points that are evaluated at once, which bounds the memory."""
@@ -68,7 +70,7 @@ class PosteriorSample:
     """Weighted parameter sets of one friction law, which represent its posterior.
 
     Each point of the quasirandom sequence gives one set for each fraction c of `SHARED_FRACTIONS`.
-    The length of the first axis of the arrays, `shares`, is the number of these fractions.
+    The first axis of the arrays belongs to these fractions. Its length is called `shares`.
     """
 
     model: MapModel

@@ -16,7 +16,7 @@ from ssm_planner.typing import Array
 FEWEST_DATED_RECORDINGS = 5
 """Smallest number of dated recordings whose order is examined."""
 ORDERED_CORRELATION = 0.5
-"""Rank correlation of speed and time above which a session counts as ordered by speed."""
+"""Magnitude of the rank correlation of |speed| and time above which a session counts as ordered."""
 LONG_PAUSE = 1800.0
 """Time between two recordings above which the drive may have cooled down, s."""
 
