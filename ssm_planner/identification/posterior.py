@@ -333,8 +333,8 @@ class MapModel:
     def log_posterior(self, z: Array) -> Array:
         """Compute the logarithm of the posterior density, up to a constant.
 
-        The density is that of this module's text, with the scatter s and its shared fraction c
-        integrated out. The coordinates z have a standard normal prior.
+        The density p(θ | τ) is that in the docstring of this module, in which the scatter s and its
+        shared fraction c are integrated out. The coordinates z have a standard normal prior.
 
         Parameters
         ----------

@@ -424,7 +424,7 @@ def _distinct_speeds(motion: "RecordedMotion") -> tuple[Array, Array, Indices]:
     -------
     w : (pairs,) array
         Signed motor speed of each pair (rad/s), at least `STANDSTILL_SPEED` in magnitude. It is 1
-        rad/s at rest, where it is not used.
+        rad/s at rest, where the torque at this speed is not used.
     direction : (pairs,) array
         Direction of motion of each pair, ±1, or 0 at rest.
     index : (samples,) array

@@ -548,6 +548,9 @@ def _certain_marks(fields: list[str]) -> set[str]:
 def _guess_mark(fields: list[str], elsewhere: set[str]) -> str:
     """Guess the decimal mark of a column in which every number with a mark is ambiguous.
 
+    A number is ambiguous if its mark may separate decimals or thousands, such as 1,024. Whole
+    numbers in the column decide by their size, and otherwise the rest of the table decides.
+
     Parameters
     ----------
     fields : list of str
