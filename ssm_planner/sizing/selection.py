@@ -1,9 +1,12 @@
 """Assess every motor with every gear of a catalogue on every joint, by operations on arrays.
 
-The answers equal those of `assess` for each pair. A rotor only adds J·ẇ to the motor torque, and a
-gearhead only divides the torque of the gear by ratio and efficiency. The torque of a gear is
-therefore evaluated once for all gearheads and motors. Two bounds on the winding temperature decide
-most pairs. The function `assess` decides the other pairs, and all pairs whose friction is random.
+The function `assess` would be too slow for every pair of a large catalogue. The main entry of this
+module, `select_motors`, gives the same answers as `assess` for each pair of a motor and a gear. It
+is fast because a rotor only adds J·ẇ to the motor torque (J is its inertia and ẇ the acceleration
+of the motor), and a gearhead only divides the torque of the gear by ratio and efficiency. The
+torque of a gear is therefore evaluated once for all gearheads and motors. Two bounds on the winding
+temperature decide most pairs. The function `assess` decides the other pairs, and all pairs whose
+friction has a statistical distribution.
 """
 
 import math
@@ -54,11 +57,13 @@ from ssm_planner.typing import Array, Arrays, Indices, JsonObject, Keywords, Mas
 
 Rank = Literal["mass", "length", "torque", "margin"]
 RANKS: tuple[Rank, ...] = get_args(Rank)
+"""Quantities by which pairs can be sorted."""
 Answers = NDArray[np.int8]
-"""Answers (gears, motors): 1 means passed, 0 not known, and −1 failed."""
+"""Answers of one check for each pair, (gears, motors): 1 passed, 0 not known, −1 failed."""
 ANSWER_CODES = {True: 1, None: 0, False: -1}
-"""Numbers that represent the answers of checks."""
+"""Numbers in `Answers` that represent the values of `Check.passed`."""
 MARGIN_CHECKS = ("torque", "speed", "continuous_torque", "voltage")
+"""Names of the checks whose margin is computed for every pair."""
 TEMPERATURE_MARGIN = 0.01
 """Margin of the temperature bounds, K. Pairs that are closer to the limit are left to `assess`."""
 RUNAWAY_TEMPERATURES = 50
@@ -69,12 +74,17 @@ INERTIA_INSTANTS = 200
 
 @record
 class JointSelection:
-    """The assessment of every motor (m) with every gear (g) on one joint."""
+    """The assessment of every motor with every gear on one joint.
+
+    A pair is one gear and one motor. In all methods, g is the index of the gear in `gears`, and m
+    is the index of the motor in `motors`.
+    """
 
     load: JointLoad
     conditions: Conditions
     motors: Sequence[CatalogueEntry[Motor]]
     gears: Sequence[DriveChain]
+    """Drives of the catalogue, each without and with every gearhead."""
     answers: Mapping[str, Answers]
     """Answers by name of the check.
 
@@ -83,13 +93,18 @@ class JointSelection:
     margins: Mapping[str, Array]
     """Margins (gears, motors) by name of the check. NaN if data are missing."""
     of_gear: Sequence[tuple[Check, ...]]
-    """Checks of each gear."""
+    """Checks of each gear, which do not depend on the motor."""
     load_inertia: float
     """Largest inertia of the moved bodies about the joint's axis, kg·m² or kg."""
 
     @property
     def adequate(self) -> Answers:
-        """Answers for each pair, equal to `MotorVerdict.adequate`."""
+        """Answers (gears, motors) of all checks together, equal to `MotorVerdict.adequate`.
+
+        A pair is adequate (1) if every check of its motor and of its gear passes. It is not
+        adequate (−1) if a check fails. Otherwise, or if a figure of a part is a placeholder, the
+        answer is 0.
+        """
         gear = [
             min(not chain.placeholder, *(ANSWER_CODES[check.passed] for check in checks))
             for chain, checks in zip(self.gears, self.of_gear, strict=True)
@@ -98,22 +113,52 @@ class JointSelection:
 
     @property
     def _of_motors(self) -> Answers:
-        """Answers for each pair by the checks of its motor alone."""
+        """Answers (gears, motors) of the checks of the motors alone, without those of the gears.
+
+        The answer is at most 0 (not known) for a motor with placeholder figures.
+        """
         answers = np.min(list(self.answers.values()), axis=0)
         is_stated = [not part.of.placeholder for part in self.motors]
         return np.minimum(answers, np.array(is_stated, np.int8))
 
     def checks_with(self, answer: int, g: int, m: int) -> list[str]:
-        """Return the names of the checks of a pair that have an answer: 1, 0 or −1."""
+        """Return the names of the checks of one pair that have a given answer.
+
+        Parameters
+        ----------
+        answer
+            1 (passed), 0 (not known) or −1 (failed).
+        g, m
+            Indices of the gear and the motor.
+
+        Returns
+        -------
+        list of str
+            Names of the checks of the motor, then of the gear.
+        """
         motor = [name for name, answers in self.answers.items() if answers[g, m] == answer]
         return motor + [c.name for c in self.of_gear[g] if ANSWER_CODES[c.passed] == answer]
 
     def ranked(self, by: Rank = "mass") -> list[tuple[int, int]]:
-        """Return the pairs (gear, motor) that no check rules out.
+        """Sort the pairs that no check rules out, the best first.
 
-        Adequate pairs come first. Pairs whose motor passes all its own checks come next, so that
-        only figures of the gear are open. Each group is sorted by rank. Pairs for which the
-        quantity of the rank is not known are last in their group.
+        Adequate pairs come first. Pairs whose motor passes all its own checks come next, because
+        only data of the gear are missing for them. All other pairs follow. Within each of these
+        three groups, the pairs are sorted by the quantity `by`. Pairs for which this quantity is
+        not known are last in their group. Equal pairs are sorted by the nominal torque of the
+        motor.
+
+        Parameters
+        ----------
+        by
+            "mass" or "length" of motor, gearhead and gear together, nominal "torque" of the motor
+            (each the smallest first), or smallest "margin" of the checks of the motor (the largest
+            first).
+
+        Returns
+        -------
+        list of (int, int)
+            Indices (g, m) of gear and motor of each pair.
         """
         adequate = self.adequate
         of_motors = self._of_motors
@@ -131,10 +176,15 @@ class JointSelection:
         )
 
     def _key(self, by: Rank) -> Array:
-        """Return the sort key (gears, motors) of a rank. Pairs with small keys come first.
+        """Return the numbers (gears, motors) by which `ranked` sorts the pairs in ascending order.
 
-        The key is infinite if a part does not state the quantity. A quantity that no gear states
-        does not distinguish gears, and motors alone determine the key.
+        The key is infinite if a part of the pair does not state the quantity. If no gear states it,
+        the gears cannot be compared, and they count as 0, so that only motors and gearheads matter.
+
+        Parameters
+        ----------
+        by
+            Quantity of the key. For "margin", the key is the negative of the smallest margin.
         """
         if by == "margin":
             return np.nan_to_num(-np.min(list(self.margins.values()), axis=0), nan=np.inf)
@@ -156,18 +206,37 @@ class JointSelection:
         return assess(self.gears[g].load(self.load), self.motors[m].of, self.conditions)
 
     def reasons(self) -> dict[str, int]:
-        """Return the number of pairs that each check rules out, in descending order.
+        """Count the pairs that each check rules out.
 
         A pair counts for each of its failed checks.
+
+        Returns
+        -------
+        dict of int
+            Number of pairs by name of the check, the largest number first. Checks that rule out no
+            pair are missing.
         """
         failed = (name for row in self._table(-1) for names in row for name in names)
         counts = Counter(failed).items()
         return dict(sorted(counts, key=lambda item: (-item[1], item[0])))
 
     def inertia_ratio(self, g: int, m: int) -> float | None:
-        """Return the inertia of load and gear at the motor shaft divided by that of the rotor.
+        """Compute the inertia of load and gear at the motor shaft, divided by that of the rotor.
 
-        None if the inertia of the rotor is not stated.
+        The ratio is (J_shaft + (J_load + J_out) / ratio²) / J_rotor. J_shaft is the largest
+        possible inertia on the motor shaft without the rotor, J_load the inertia of the moved
+        bodies (`load_inertia`), J_out the inertia of the output side of the drive, and ratio its
+        total transmission ratio.
+
+        Parameters
+        ----------
+        g, m
+            Indices of the gear and the motor.
+
+        Returns
+        -------
+        float or None
+            The ratio. None if the inertia of the rotor is not stated.
         """
         motor = self.motors[m].of
         if motor.rotor_inertia is None:
@@ -182,7 +251,12 @@ class JointSelection:
     def to_dict(self, rank: Rank, count: int) -> JsonObject:
         """Return an entry of `selection` in the output of `size --json`, in SI units.
 
-        The entry `best` contains the full description of the first `count` pairs.
+        Parameters
+        ----------
+        rank
+            Quantity by which the pairs are sorted, see `ranked`.
+        count
+            Number of pairs that are described in full under `best`.
         """
         adequate = self.adequate
         as_json = {1: True, 0: None, -1: False}
@@ -199,9 +273,18 @@ class JointSelection:
         }
 
     def _table(self, answer: int) -> list[list[list[str]]]:
-        """Return the checks that give each pair (gears, motors) an answer, which is −1 or 0.
+        """Return, for each pair, the names of the checks that make the pair fail or leave it open.
 
-        The list of a pair with another answer is empty.
+        Parameters
+        ----------
+        answer
+            −1 for pairs that fail, or 0 for pairs that are open.
+
+        Returns
+        -------
+        list of list of list of str
+            Names of the checks with this answer, indexed by gear and motor. The list of a pair that
+            has another answer is empty.
         """
         adequate = self.adequate
         return [
@@ -213,7 +296,22 @@ class JointSelection:
         ]
 
     def pair_dict(self, g: int, m: int) -> JsonObject:
-        """Return the full description of one pair."""
+        """Describe one pair in full, for the output of `size --json`.
+
+        The pair is assessed by `assess`, which computes all margins and the temperatures.
+
+        Parameters
+        ----------
+        g, m
+            Indices of the gear and the motor.
+
+        Returns
+        -------
+        dict
+            Entries of `MotorVerdict.to_dict` and the names, masses (kg) and length (m) of the
+            parts. `inertia_ratio` and `energy_to_bus` (J) are the results of the functions of the
+            same name.
+        """
         motor = self.motors[m]
         chain = self.gears[g]
         gearhead = chain.gearhead
@@ -261,7 +359,7 @@ def select_motors(
     Returns
     -------
     tuple of JointSelection
-        One entry for each load of the duty cycle.
+        One entry for each load of the duty cycle, that is, for each motion of a joint.
     """
     conditions = conditions or Conditions()
     inertias = load_inertias(duty, payload)
@@ -279,7 +377,23 @@ def select_motors(
 
 
 def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
-    """Return the largest diagonal entries of the mass matrix by joint, kg·m² or kg."""
+    """Compute the largest inertia that each joint moves during a duty cycle.
+
+    The inertia of a joint is the diagonal entry of the mass matrix M(q). It is evaluated at
+    `INERTIA_INSTANTS` instants of each motion.
+
+    Parameters
+    ----------
+    duty
+        Motions of one robot.
+    payload
+        Point mass at the tip, kg.
+
+    Returns
+    -------
+    dict of float
+        Largest inertia by joint, kg·m², or kg for the sliding joint.
+    """
     body = RigidBody.from_robot(with_payload(duty.robot, payload))
     q = np.concatenate(
         [run.sample(np.linspace(0, run.duration, INERTIA_INSTANTS)).q for run, _ in duty.runs]
@@ -289,10 +403,23 @@ def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
 
 
 def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
-    """Return the energy that the braking motor returns to its supply in one motion at 25 °C, J.
+    """Compute the electrical energy that a braking motor returns to its supply in one motion.
 
-    The energy is ∫ max(−(R·I² + τ·w), 0) dt. The result is None if the motor file does not state
-    the torque constant or the resistance.
+    The supply must absorb or store this energy. It is ∫ max(−(R·I² + τ·w), 0) dt with the current I
+    = τ/k, where R and k are the resistance and the torque constant of the motor at 25 °C, τ is its
+    torque and w its speed.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    motor
+        Motor with its electrical data.
+
+    Returns
+    -------
+    float or None
+        Energy, J. None if the motor file does not state the torque constant or the resistance.
     """
     if missing_data(motor, "torque_constant", "terminal_resistance"):
         return None
@@ -312,7 +439,22 @@ def select_joint(
 ) -> JointSelection:
     """Assess every motor with every gear on one joint, without and with every gearhead.
 
-    `inertia` is the largest inertia of the moved bodies about the joint's axis, kg·m² or kg.
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    motors, gears, gearheads
+        Candidate motors, gears and gearheads.
+    conditions
+        Operating conditions.
+    inertia
+        Largest inertia of the moved bodies about the joint's axis, kg·m² or kg. It is reported in
+        the ratio of inertias and does not affect the checks. The default, NaN, means not known.
+
+    Returns
+    -------
+    JointSelection
+        Answers and margins of all pairs. Each gear is followed by its combinations with gearheads.
     """
     fleet = _MotorData(
         [candidate.of for candidate in motors], conditions, load.duration + conditions.pause
@@ -337,9 +479,33 @@ def select_joint(
 
 
 class _MotorData:
-    """Data of all motors (m) that the checks need, as arrays (m,)."""
+    """Data of all candidate motors (m) that the checks need, as arrays with one entry per motor.
+
+    Attributes
+    ----------
+    limits : list of dict
+        Limits of each motor, see `motor_limits`.
+    max_speed : (m,) array
+        Largest permitted speed, rad/s.
+    balance : (m, 2, 2) array
+        Factors of the voltage for the cold and the hot motor, see `voltage_factors`.
+    cool, hot : (m,) array
+        RMS torque below which the winding certainly stays below its limit, and RMS torque above
+        which it certainly exceeds the limit, see `_certain_torques`, N·m.
+    """
 
     def __init__(self, motors: Sequence[Motor], conditions: Conditions, period: float) -> None:
+        """Collect the data of the motors.
+
+        Parameters
+        ----------
+        motors
+            Candidate motors.
+        conditions
+            Operating conditions.
+        period
+            Duration of the motion and its pause, s.
+        """
         self.motors = motors
         self.limits = [motor_limits(motor, conditions, 1.0, None) for motor in motors]
         self.max_speed = np.array([motor.max_speed for motor in motors])
@@ -349,20 +515,40 @@ class _MotorData:
         ).T
 
     def limit(self, name: str) -> Array:
-        """Return the limits (m,) of a check. NaN if not known."""
+        """Return the upper limits (m,) of the check `name` for all motors. NaN if not known."""
         bounds = (limits[name][2] for limits in self.limits)
         return np.array([np.nan if limit is None else limit for limit in bounds])
 
 
 def _certain_torques(motor: Motor, conditions: Conditions, period: float) -> tuple[float, float]:
-    """Return an RMS torque below which heat certainly passes, and one above which it fails.
+    """Compute two RMS torques between which the thermal check must be evaluated in full.
 
-    Both are in N·m and apply to any motion that repeats with `period` (s). They are NaN if thermal
-    data are missing. The winding temperature responds to power by two decaying modes with positive
-    amplitudes, and the loss grows with the temperature. The temperature is highest if all power of
-    a period occurs at one instant, at the resistance of the hottest permitted winding. This gives
-    the first torque. The second torque follows from the smallest response to a mean power, at the
-    coldest instant, and from the loss at this temperature, which is the smallest possible loss.
+    The check certainly passes below the first torque and certainly fails above the second one. Both
+    hold for any motion that repeats with this period. They rest on two facts: the winding
+    temperature responds to power by two decaying modes with positive amplitudes, and the loss grows
+    with the temperature.
+
+    For a given mean power, the winding becomes hottest if all energy of a period enters at one
+    instant. The first torque gives a temperature just below the limit in this case, with the
+    resistance of the hottest permitted winding. Just before such an instant, the winding has the
+    lowest temperature that is possible with this mean power. The second torque follows from this
+    lowest temperature and from the loss at this temperature, which is the smallest possible loss.
+
+    Parameters
+    ----------
+    motor
+        Motor with its thermal data.
+    conditions
+        Operating conditions, of which the ambient temperature is used.
+    period
+        Duration of the motion and its pause, s.
+
+    Returns
+    -------
+    passes, fails : float
+        RMS torques over motion and pause, N·m. Both are NaN if thermal data are missing. If the
+        ambient temperature nearly reaches the limit, they are −1 and infinity, which decide
+        nothing.
     """
     if missing_data(motor, *THERMAL_DATA):
         return np.nan, np.nan
@@ -400,9 +586,28 @@ GearAssessment = tuple[dict[str, Answers], Arrays, tuple[Check, ...]]
 def _assess_gear(
     chains: Sequence[JointLoad], fleet: _MotorData, conditions: Conditions
 ) -> Iterator[GearAssessment]:
-    """Assess all motors with one gear, and yield a row for each chain.
+    """Assess all motors with one gear, without and with gearheads.
 
-    The first chain is the load with the gear alone. The others have a gearhead as well.
+    A chain is the gear, alone or with one gearhead. If the gear is certainly self-locking, the
+    torque of every chain is that of the gear, divided by the ratio and the efficiency of the
+    gearhead, so it is computed once. Otherwise, the load can drive the gearheads, and each chain is
+    assessed on its own. A gear whose friction has a statistical distribution has only one chain,
+    see `with_gearhead`.
+
+    Parameters
+    ----------
+    chains
+        Loads of the joint. The first load has the gear alone, and each other load has one gearhead
+        in addition.
+    fleet
+        Data of the motors.
+    conditions
+        Operating conditions.
+
+    Yields
+    ------
+    GearAssessment
+        Answers and margins of all motors, and the checks of the gear, for each chain.
     """
     load = chains[0]
     case = gear_case(load, conditions)
@@ -444,9 +649,28 @@ def _assess_by_draws(
     gear: tuple[Check, ...],
     speed: Array,
 ) -> GearAssessment:
-    """Assess the pairs one by one if draws describe the friction.
+    """Assess the motors one by one with `assess`, for friction with a statistical distribution.
 
-    Motors that are too slow and gears that fail are not assessed further.
+    Motors that are too slow and gears that fail are not assessed further: their other answers stay
+    0.
+
+    Parameters
+    ----------
+    load
+        Load of the joint with the gear.
+    fleet
+        Data of the motors (m).
+    conditions
+        Operating conditions.
+    gear
+        Checks of the gear.
+    speed : (m,) array
+        Margins of the largest speed of each motor.
+
+    Returns
+    -------
+    GearAssessment
+        Answers and margins of all motors, and the checks of the gear.
     """
     count = len(fleet.motors)
     names = (*MARGIN_CHECKS, "heat", CONFIDENCE_CHECK)
@@ -467,11 +691,28 @@ def _assess_by_draws(
 def _demand_ranges(
     chains: Sequence[JointLoad], case: JointCase, fleet: _MotorData
 ) -> Iterator[tuple[Array, Array]]:
-    """Return the largest and smallest demands (3, m) of every motor for each of the k chains.
+    """Compute the largest and the smallest demands on every motor for each chain of a gear.
 
-    The demands are peak torque, RMS torque and peak voltage. The first chain is the load of `case`,
-    without a gearhead of a catalogue. The torque is linear in the inertia of the shaft and in the
-    friction torque of the motor.
+    The demands are peak torque (N·m), RMS torque over the motion (N·m) and peak voltage (V). The
+    torque of a motor is linear in the inertia on its shaft and in its friction torque, so the
+    torque of the gear is evaluated once and scaled for each chain and motor. The demands are
+    evaluated at every corner, that is, at every combination of the ends of the stated friction
+    ranges, and at both ends of the range of the inertia.
+
+    Parameters
+    ----------
+    chains
+        Loads of the joint for k chains. The first one is the load of `case`, which has no gearhead
+        of a catalogue, and each other load has one.
+    case
+        Load and friction ranges of the gear.
+    fleet
+        Data of the motors (m).
+
+    Returns
+    -------
+    iterator of (largest, smallest)
+        Arrays (3, m) of the demands for each chain.
     """
     load = case.load
     inertias = np.array([[shaft_inertia(chain, x) for x in fleet.motors] for chain in chains])
@@ -507,9 +748,20 @@ def _demand_ranges(
 
 
 def _torque_parts(load: JointLoad, corner: Keywords) -> Array:
-    """Return the parts of the torque on the motor shaft, and the speed of the shaft, (4, n).
+    """Return the quantities whose linear combinations are the torques and voltages of all motors.
 
-    The parts are the torque without inertia, the acceleration of the shaft and the direction.
+    Parameters
+    ----------
+    load
+        Load of the joint with the gear, at n instants.
+    corner
+        Values of the friction parameters with a stated range.
+
+    Returns
+    -------
+    (4, n) array
+        Torque of the gear without inertia on its shaft (N·m), acceleration of the shaft (rad/s²) or
+        0 while the drive rests, direction of motion (±1 or 0), and speed of the shaft (rad/s).
     """
     drive = drive_with_values(load.drive, {**corner, "input_inertia": 0.0})
     turning = load.acceleration() * (load.direction != 0)
@@ -517,9 +769,22 @@ def _torque_parts(load: JointLoad, corner: Keywords) -> Array:
 
 
 def _extreme_instants(parts: Array) -> Indices:
-    """Return the indices of the instants at which a sum of the parts can be extreme.
+    """Return the indices of the instants at which a linear combination of the parts can be extreme.
 
-    The instants are the vertices of the convex hull of each direction of motion.
+    A linear function on a set of points is largest at a vertex of their convex hull. The vertices
+    are much fewer than the instants, so the peaks of all motors can be computed from them alone.
+
+    Parameters
+    ----------
+    parts : (4, n) array
+        Parts of the torque and the speed, see `_torque_parts`. There is one hull for each direction
+        of motion, which is the third row.
+
+    Returns
+    -------
+    (vertices,) array of int
+        Indices of the instants. If a direction has too few instants for a hull, all its distinct
+        ones are included.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -540,10 +805,23 @@ def _extreme_instants(parts: Array) -> Indices:
 def _peak_demands(
     extremes: Array, factors: Array, ratio: Array, fleet: _MotorData
 ) -> tuple[Array, Array]:
-    """Return the peak torques and voltages (k, m) of motors with the torques factors @ parts.
+    """Compute the peak torque and the peak voltage of every motor with every chain.
 
-    `extremes` (4, n) contains parts of the torque and the speed, see `_torque_parts`. `factors`
-    (k, m, 3) contains the factors of the parts, and `ratio` (k, m) that of the speed.
+    Parameters
+    ----------
+    extremes : (4, n) array
+        Parts of the torque and the speed, see `_torque_parts`, at the instants that can be extreme.
+    factors : (k, m, 3) array
+        Factors of the first three parts, whose sum is the torque of motor m with chain k.
+    ratio : (k, m) array
+        Speed of the motor divided by the speed of the gear's shaft.
+    fleet
+        Data of the motors (m).
+
+    Returns
+    -------
+    torques, voltages : (k, m) arrays
+        Largest magnitudes (N·m and V). The voltage is the larger one of the cold and the hot motor.
     """
     per_state = np.moveaxis(fleet.balance, 0, 2)
     volts = [
@@ -554,7 +832,20 @@ def _peak_demands(
 
 
 def _largest_magnitudes(factors: Array, parts: Array) -> Array:
-    """Return the largest |factors @ parts| (k, m) for factors (k, m, p) and parts (p, n)."""
+    """Return the largest magnitude over n instants of each linear combination of parts.
+
+    Parameters
+    ----------
+    factors : (k, m, p) array
+        Factors of the p parts for each chain k and motor m.
+    parts : (p, n) array
+        Values of the parts at each instant.
+
+    Returns
+    -------
+    (k, m) array
+        Largest |factors @ parts|.
+    """
     # The torques of one chain fit into the processor's cache.
     torques = (np.einsum("mp,pn->mn", of_chain, parts) for of_chain in factors)
     return np.array([np.abs(torque).max(axis=1) for torque in torques])
@@ -567,10 +858,29 @@ def _heat_answers(
     band: tuple[Array, Array],
     fails: Mask,
 ) -> Answers:
-    """Return the answers (m,) of the thermal check.
+    """Answer for each motor whether its winding stays below its temperature limit.
 
-    `band` contains the largest and the smallest RMS torque over motion and pause. An answer is 0 if
-    the temperature bounds do not decide it and the motor `fails` another check.
+    The two bounds of `_certain_torques` decide most motors. For the others, the largest permitted
+    torque is computed, unless the motor fails another check or the two bounds show that the answer
+    is open. In these cases, the answer is 0.
+
+    Parameters
+    ----------
+    load
+        Load of the joint with the gear.
+    fleet
+        Data of the motors (m).
+    conditions
+        Operating conditions.
+    band : two (m,) arrays
+        Largest and smallest RMS torque over motion and pause, N·m.
+    fails : (m,) array of bool
+        True for motors that fail another check.
+
+    Returns
+    -------
+    (m,) array
+        1 passed, 0 not known or not evaluated, −1 failed.
     """
     highest, lowest = band
     answers = np.where(highest <= fleet.cool, 1, np.where(lowest > fleet.hot, -1, 0)).astype(
@@ -594,7 +904,19 @@ def _heat_answers(
 
 
 def _answers_from_margins(highest_margin: Array, lowest_margin: Array) -> Answers:
-    """Return answers equal to `Check.passed` for the margins at both ends of the uncertain data."""
+    """Return the answers for two margins that bound the unknown margin, equal to `Check.passed`.
+
+    Parameters
+    ----------
+    highest_margin, lowest_margin : (m,) arrays
+        Margins of the highest and of the lowest possible demand. The first one is thus the smaller.
+
+    Returns
+    -------
+    (m,) array
+        1 if the highest demand keeps the limit, −1 if even the lowest demand exceeds it, otherwise
+        0.
+    """
     return np.where(
         highest_margin >= -MARGIN_TOLERANCE, 1, np.where(lowest_margin < -MARGIN_TOLERANCE, -1, 0)
     ).astype(np.int8)
