@@ -1,4 +1,10 @@
-"""Compute the demands of a motion on motors and gears, and their range if friction is uncertain."""
+"""Compute the demands of a motion on motor and gear, and their range if friction is uncertain.
+
+The demands are peak and RMS torque, peak voltage, and peak and continuous effort in the mesh.
+`compute_demands` evaluates them for given friction. `linear_band` and `monte_carlo` compute the
+range of each demand from the uncertainty of the friction, a `FrictionSpread`: the first by
+linearisation, the second by random draws.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,6 +29,7 @@ DemandName = Literal[
     "peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"
 ]
 DEMAND_NAMES: tuple[DemandName, ...] = get_args(DemandName)
+"""Names of the demands, in the order of the columns of every table of demands."""
 MONTE_CARLO_INSTANTS = 500
 """Number of evenly spaced instants in a Monte Carlo simulation.
 
@@ -34,7 +41,9 @@ TORQUES_PER_BLOCK = 120_000
 
 @record
 class Demands:
-    """Demands of one motion without its pause: scalars or arrays (draws,), in SI units.
+    """Demands of one motion without its pause, in SI units.
+
+    Each demand is an array (draws,) with one value for each draw of the uncertain friction.
 
     Examples
     --------
@@ -45,13 +54,19 @@ class Demands:
     """
 
     peak_torque: Array
+    """Largest magnitude of the motor torque, N·m."""
     rms_torque: Array
+    """Root mean square of the motor torque, N·m."""
     peak_voltage: Array
-    """NaN if the motor file lacks the electrical data."""
+    """Largest voltage of the cold or the hot motor, V. NaN if the motor file lacks electrical data.
+    """
     peak_effort: Array
-    """Largest |F| in the mesh, N·m or N."""
+    """Largest effort |F| in the mesh, N·m or N."""
     continuous_effort: Array
-    """Root mean cube of |F| over the time in motion. Wear grows with the cube of the load."""
+    """Root mean cube of the effort |F| over the time in motion, N·m or N.
+
+    Wear grows with the cube of the load.
+    """
 
     def array(self) -> Array:
         """Return the demands as a table (draws, 5) in the order of `DEMAND_NAMES`."""
@@ -72,8 +87,9 @@ class Demands:
 class Band:
     """Demands at the stated friction, and their range if the friction is uncertain.
 
-    `worst` and `best` contain one entry per draw of the friction. Parameters with a stated range
-    have their least or most favourable value.
+    `worst` and `best` contain one entry for each draw of the friction parameters that have a
+    statistical distribution. Parameters with a stated range have their least favourable value in
+    `worst` and their most favourable one in `best`.
 
     Examples
     --------
@@ -92,7 +108,7 @@ class Band:
     Then the friction is used as stated.
     """
     smooth: Demands | None = None
-    """`worst` without the ripple of the drive. None if the peaks include no ripple."""
+    """`worst` without the torque ripple of the drive. None if the peaks include no ripple."""
 
     def high(self, name: DemandName, confidence: float) -> float:
         """Return the value that the demand does not exceed with this confidence."""
@@ -112,7 +128,16 @@ class Band:
 def compute_demands(load: JointLoad) -> Demands:
     """Compute the demands of one motion on the drive and the motor of a joint.
 
-    If friction parameters of the drive are columns (draws, 1), all draws are evaluated at once.
+    Parameters
+    ----------
+    load
+        Motion and load of the joint. If friction parameters of its drive are columns (draws, 1),
+        all draws are evaluated at once.
+
+    Returns
+    -------
+    Demands
+        One value (1,) of each demand, or (draws,) values.
     """
     torque = np.atleast_2d(load.torque())
     effort = np.atleast_2d(np.abs(load.effort()))
@@ -130,7 +155,20 @@ def compute_demands(load: JointLoad) -> Demands:
 
 
 def _peak_voltage(torque: Array, load: JointLoad) -> Array:
-    """Return the largest voltage (draws,) that the cold or the hot motor needs, V."""
+    """Return the largest voltage that the cold or the hot motor needs during a motion.
+
+    Parameters
+    ----------
+    torque : (draws, n) array
+        Motor torque at n instants, N·m.
+    load
+        Motion of the joint with its motor.
+
+    Returns
+    -------
+    (draws,) array
+        Voltages, V.
+    """
     speed = load.speed()
     volts = [
         np.abs(per_torque * torque + per_speed * speed).max(axis=1)
@@ -140,11 +178,26 @@ def _peak_voltage(torque: Array, load: JointLoad) -> Array:
 
 
 def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
-    """Compute the range of the demands on a motor that uncertain friction permits.
+    """Compute the range of the demands that uncertain friction permits, by linearisation.
 
-    The demands are linearised about each combination of the ends of the stated ranges. The slopes
-    are secants over ±1 σ of every uncertain parameter. If the friction has a posterior,
-    all its samples are evaluated exactly instead, because there are few of them.
+    The largest and the smallest demand at all corners are found first. A corner is one combination
+    of the ends of the stated ranges. Both are then shifted by random deviations of the other
+    uncertain parameters times the slopes of the demands. The slopes are secants over ±1 σ of each
+    parameter, where σ is its standard deviation. If the friction has a posterior, that is, a list
+    of equally likely parameter values, all of them are evaluated exactly instead, because there are
+    few of them.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    spread
+        Uncertainty of the friction.
+
+    Returns
+    -------
+    Band
+        Demands at the stated friction, and their range with `LINEARISED_DRAWS` draws.
     """
     if spread.posterior is not None:
         return monte_carlo(load, spread, len(spread.posterior.draws))
@@ -159,23 +212,42 @@ def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
 
 
 def _load_with(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
-    """Return the load with other friction parameters of the drive, see `drive_with_values`."""
+    """Return the load with other friction parameters of its drive, see `drive_with_values`."""
     return replace(load, drive=drive_with_values(load.drive, values))
 
 
 def _corner_demands(load: JointLoad, spread: FrictionSpread) -> Array:
-    """Return the demands (corners, 5) at every corner of the stated ranges."""
+    """Return the demands (corners, 5) at every combination of the ends of the stated ranges.
+
+    The combinations have the order of `FrictionSpread.corners`, and the columns that of
+    `DEMAND_NAMES`.
+    """
     return np.concatenate(
         [compute_demands(_load_with(load, corner)).array() for corner in spread.corners()]
     )
 
 
 def _lower_bound(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
-    """Reduce the demands (draws, 5) of the best corner to a lower bound for all possible motors.
+    """Reduce the smallest demands at the corners to a lower bound for all motors that are possible.
 
-    Peak and RMS torque are convex in the inertia J. Between the ends J₁ and J₂ of its range, they
-    are at least their mean minus (J₂ − J₁)/2 · |ẇ|. The range of the motor's friction changes them
-    at most by its width.
+    If a motor file does not state the inertia of the rotor, the inertia J on the shaft has a range
+    from J₁ to J₂. Peak and RMS torque are convex in J. Between J₁ and J₂, they are at least their
+    mean minus (J₂ − J₁)/2 · |ẇ|, with the acceleration ẇ of the motor. The friction of the motor
+    also has a range. It changes the torques at most by the width of this range.
+
+    Parameters
+    ----------
+    lowest : (draws, 5) array
+        Demands of the most favourable corner.
+    load
+        Motion and load of the joint.
+    spread
+        Uncertainty of the friction and of the inertia.
+
+    Returns
+    -------
+    Demands
+        Lower bounds (draws,), at least 0.
     """
     low, high = spread.inertia or (0.0, 0.0)
     wd = np.abs(load.acceleration())
@@ -188,7 +260,16 @@ def _lower_bound(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Dema
 
 
 def _secant_slopes(load: JointLoad, spread: FrictionSpread) -> Array:
-    """Return the slopes of the demands over the uncertain parameters, (parameters, 5)."""
+    """Return the change of each demand per unit of each uncertain parameter.
+
+    The slope is the secant between the mean plus and the mean minus one standard deviation. The
+    lower end is at least 0, because friction parameters are not negative.
+
+    Returns
+    -------
+    (parameters, 5) array
+        Slopes in the order of `spread.names` and `DEMAND_NAMES`.
+    """
     slopes = np.zeros((len(spread.names), len(DEMAND_NAMES)))
     for i, (name, mean, sigma) in enumerate(
         zip(spread.names, spread.mean, spread.sigma, strict=True)
@@ -205,9 +286,25 @@ def _secant_slopes(load: JointLoad, spread: FrictionSpread) -> Array:
 
 
 def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
-    """Compute the range of the demands from `count` random draws of the friction.
+    """Compute the range of the demands from random draws of the friction.
 
-    Without random parameters, the corners of the ranges give the demands exactly.
+    The draws are evaluated only at the corners that are the highest or the lowest for some demand
+    at the stated friction. A corner is one combination of the ends of the stated ranges. If no
+    parameter is random, the corners alone give the range, and the result is that of `linear_band`.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    spread
+        Uncertainty of the friction.
+    count
+        Number of draws.
+
+    Returns
+    -------
+    Band
+        Demands at the stated friction, and their range with `count` draws.
     """
     if not spread.names:
         return linear_band(load, spread)
@@ -233,10 +330,23 @@ def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
 
 
 def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
-    """Add the torque ripple of the screw or worm to the peaks of the demands (draws,).
+    """Add the torque ripple of the screw or worm to the peak torques and voltages.
 
-    The ripple comes from recordings. If the torque is larger than in the recordings, the ripple is
+    The ripple is the deviation of the torque from its mean during motion at constant speed. Its
+    peaks are drawn from recordings. If the torque is larger than in the recordings, the ripple is
     increased in proportion.
+
+    Parameters
+    ----------
+    smooth
+        Demands (draws,) without ripple.
+    load
+        Motion and load of the joint.
+
+    Returns
+    -------
+    Demands
+        Demands (draws,) with ripple, or `smooth` itself if the drive has no recorded ripple.
     """
     posterior = required_friction(load.drive).posterior
     if posterior is None:
@@ -254,7 +364,24 @@ def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
 def _drawn_demands(
     load: JointLoad, spread: FrictionSpread, deviations: Array, corner: dict[str, float]
 ) -> Array:
-    """Return the demands (draws, 5) at one corner of the ranges."""
+    """Compute the demands for all draws of the random parameters at one corner of the ranges.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint at selected instants.
+    spread
+        Uncertainty of the friction.
+    deviations : (draws, k) array
+        Draws of the k random parameters minus their means.
+    corner
+        Values of the parameters that have a stated range.
+
+    Returns
+    -------
+    (draws, 5) array
+        Demands in the order of `DEMAND_NAMES`.
+    """
     moving = np.flatnonzero(load.direction != 0)
     resting = np.flatnonzero(load.direction == 0)
     # At any friction, a self-locking drive rests without torque, and its effort stays the same.
@@ -274,7 +401,7 @@ def _drawn_demands(
 
 
 def select_instants(load: JointLoad) -> JointLoad:
-    """Select the instants of a load that determine its demands.
+    """Select the instants of a load that determine its demands, so that many draws are fast.
 
     The selection contains about `MONTE_CARLO_INSTANTS` evenly spaced instants, all jumps of the
     torque, all changes of direction, the 20 largest peaks of the torque, the extremes of

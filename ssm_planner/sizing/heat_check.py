@@ -1,7 +1,7 @@
-"""Check the temperatures of one motor.
+"""Compute how hot the winding of a motor becomes in a motion that repeats forever.
 
-The check finds the largest permitted RMS torque of a motion that repeats forever, and the
-temperatures of the winding.
+The main entry is `compute_heat`. It finds the largest RMS torque that the winding permits, and the
+peak temperatures of the winding. `thermal_network` contains the thermal model.
 """
 
 from functools import cached_property
@@ -22,7 +22,7 @@ from ssm_planner.sizing.thermal_network import (
 from ssm_planner.typing import JsonObject, record
 
 CAPACITY_TOLERANCE = 1e-6
-"""Relative tolerance of the square of the torque at the capacity."""
+"""Relative tolerance of the squared torque with which the winding reaches its limit."""
 
 
 @record
@@ -43,12 +43,14 @@ class Heat:
     limit: float
     """Largest permitted winding temperature."""
     nominal_winding: float | None
-    """Peak winding temperature at the stated friction. None without a steady state."""
+    """Peak winding temperature at the stated friction. None if the motor has no steady state."""
     winding: float | None
-    """Peak winding temperature at the RMS torque with the required confidence, or None."""
+    """Peak winding temperature at the RMS torque that friction does not exceed with the required
+    confidence. None if the motor has no steady state.
+    """
     model: ThermalModel
     cycle: Cycle
-    """The motion with its torque scaled to this RMS torque."""
+    """The repeated motion. Its torque is scaled to the RMS torque at the required confidence."""
 
     @cached_property
     def time_until_limit(self) -> float | None:
@@ -72,18 +74,18 @@ class Heat:
 def compute_heat(
     load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: float
 ) -> Heat | None:
-    """Compute the thermal steady state of a repeated motion.
+    """Compute the temperatures of a motor that repeats a motion forever.
 
     Parameters
     ----------
     load
         Motion and load of the joint.
     motor
-        The motor.
+        Motor with its thermal data.
     conditions
-        Operating conditions with the ambient temperature and the pause.
+        Operating conditions with the ambient temperature and the pause after each repetition.
     worst_rms
-        RMS torque over motion and pause at the required confidence, N·m.
+        RMS torque over motion and pause that is not exceeded with the required confidence, N·m.
 
     Returns
     -------
@@ -113,10 +115,25 @@ def compute_heat(
 
 
 def _largest_torque_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
-    """Return the factor on the torque with which the winding temperature peaks at `limit` (K).
+    """Return the factor on the torque with which the winding temperature peaks at its limit.
 
-    The factor is 0 if the ambient temperature reaches the limit. Brent's method finds the square of
-    the factor. A temperature without a steady state counts as twice the permitted rise.
+    Brent's method finds the square of the factor, because the heat is proportional to the square of
+    the torque. If a motor with too much torque has no steady state, its temperature rise counts as
+    twice the permitted one.
+
+    Parameters
+    ----------
+    model
+        Thermal model of the motor.
+    cycle
+        Motor torque over one repetition.
+    limit
+        Largest permitted winding temperature, K.
+
+    Returns
+    -------
+    float
+        Factor. It is 0 if the ambient temperature reaches the limit.
     """
     from scipy.optimize import brentq
 

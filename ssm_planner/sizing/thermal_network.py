@@ -3,11 +3,16 @@
     C_w dT_w/dt = P(t, T_w) − (T_w − T_h)/R_wh          P = R(T_w)·(tau/k(T_w))²
     C_h dT_h/dt = (T_w − T_h)/R_wh − (T_h − T_a)/R_ha
 
-The capacities follow from the time constants of datasheets: C_w = time_constant_winding / R_wh and
-C_h = time_constant_motor / R_ha. R grows by 0.393 %/K. The magnets are assumed to be as hot as the
-winding, which is the safe assumption. Only P(T_w) is nonlinear, so P is linearised repeatedly about
-the temperatures of the previous pass. Each pass solves the equations exactly in their two modes,
-for a power that is piecewise linear in time.
+T_w, T_h and T_a are the temperatures of winding, housing and surroundings, C_w and C_h heat
+capacities, R_wh and R_ha the thermal resistances from winding to housing and from housing to
+ambient, P the heat in the winding, R its electrical resistance, k the torque constant and tau the
+motor torque. The capacities follow from the time constants of datasheets:
+C_w = time_constant_winding / R_wh and C_h = time_constant_motor / R_ha. R grows by 0.393 %/K. The
+magnets are assumed to be as hot as the winding, which is the safe assumption.
+
+Only P(T_w) is nonlinear, so P is linearised repeatedly about the temperatures of the previous pass.
+Each pass solves the equations exactly in their two modes, for a power that is piecewise linear in
+time.
 """
 
 import math
@@ -33,9 +38,20 @@ SERIES_THRESHOLD = 1e-4
 class ThermalModes:
     """The two independent modes of the thermal model x' = A x + b P.
 
-    The vector x contains the temperatures of winding and housing above ambient. Each mode z
-    satisfies z' = rate·z + input·P, with `rates` (2,) in 1/s and `input` (2,). A negative rate
-    means that the mode settles. The temperatures are x = shape @ z, with `shape` (2, 2).
+    The vector x contains the temperatures of the inner body (winding) and of the outer body
+    (housing) above ambient, in K, and P is the power in the inner body, in W. Each mode z is a
+    combination of both temperatures that satisfies a scalar equation z' = rate·z + input·P.
+
+    Attributes
+    ----------
+    rates : (2,) array
+        Rates of the modes, 1/s. A negative rate means that the mode settles.
+    input : (2,) array
+        Effect of the power on each mode.
+    shape : (2, 2) array
+        Matrix that gives the temperatures, x = shape @ z.
+    inverse : (2, 2) array
+        Inverse of `shape`, so that z = inverse @ x.
     """
 
     rates: Array
@@ -47,9 +63,21 @@ class ThermalModes:
     def from_network(
         cls, r_inner: float, r_outer: float, c_inner: float, c_outer: float, gain: float = 0.0
     ) -> "ThermalModes":
-        """Compute the modes from thermal resistances (K/W) and capacities (J/K).
+        """Compute the modes of two bodies that exchange heat.
 
-        `gain` (W/K) is the additional power per kelvin of the inner body.
+        The temperatures are scaled by the square roots of the capacities. This makes the matrix of
+        the equations symmetric, so that its eigenvectors are orthogonal.
+
+        Parameters
+        ----------
+        r_inner, r_outer
+            Thermal resistances from the inner to the outer body, and from the outer body to
+            ambient, K/W.
+        c_inner, c_outer
+            Heat capacities, J/K.
+        gain
+            Additional power per kelvin of the inner body, W/K. It represents the loss that grows
+            with the winding temperature.
         """
         exchange = 1.0 / (r_inner * math.sqrt(c_inner * c_outer))
         symmetric = np.array(
@@ -69,22 +97,37 @@ class ThermalModes:
         return bool(self.rates.max() >= 0.0)
 
     def decay(self, t: Array | float) -> Array:
-        """Return the share of each mode that remains after times t (n,), (2, n)."""
+        """Return the fraction of each mode that remains after times t (n,) in s, (2, n)."""
         return np.exp(self.rates[:, None] * np.atleast_1d(t))
 
     def temperatures(self, states: Array) -> Array:
-        """Return the temperatures (inner, outer) above ambient (K) of modes (2, n)."""
+        """Return the temperatures (2, n) of both bodies above ambient (K) for modes (2, n)."""
         return self.shape @ states
 
     def states(self, rise: Array) -> Array:
-        """Return the modes (2,) of temperatures (2,) above ambient, K."""
+        """Return the modes (2,) for temperatures (2,) of inner and outer body above ambient (K)."""
         return self.inverse @ rise
 
 
 def simulate_modes(modes: ThermalModes, t: Array, power: Array) -> Array:
-    """Compute the states (2, n) of the modes at instants t (n,), s, which begin with zero.
+    """Compute how the modes of the thermal model respond to a given power.
 
-    The solution is exact for a power (n,), in W, that is linear between the instants.
+    All modes start at zero, that is, winding and housing start at ambient temperature. The solution
+    is exact for a power that is linear between the instants.
+
+    Parameters
+    ----------
+    modes
+        Modes of the thermal model.
+    t : (n,) array
+        Instants, s.
+    power : (n,) array
+        Power in the winding at the instants, W.
+
+    Returns
+    -------
+    (2, n) array
+        Modes z at the instants.
     """
     step = np.diff(t)
     x = modes.rates[:, None] * step
@@ -96,9 +139,19 @@ def simulate_modes(modes: ThermalModes, t: Array, power: Array) -> Array:
 
 
 def _solve_recursion(factor: Array, gained: Array) -> Array:
-    """Solve the recursion z_k = factor_k·z_(k−1) + gained_k with z_0 = 0 for all k.
+    """Solve the recursion z_k = factor_k·z_(k−1) + gained_k with z_0 = 0 for k = 1 to n.
 
     Each step doubles the number of combined terms, so log2(n) operations on arrays suffice.
+
+    Parameters
+    ----------
+    factor, gained : (2, n) arrays
+        Coefficients of the recursion for each of the two modes.
+
+    Returns
+    -------
+    (2, n) array
+        Values z_1 to z_n.
     """
     factor = factor.copy()
     result = gained.copy()
@@ -111,7 +164,11 @@ def _solve_recursion(factor: Array, gained: Array) -> Array:
 
 
 def _exponential_quotients(x: Array) -> tuple[Array, Array]:
-    """Return (eˣ − 1)/x and (eˣ − 1 − x)/x²."""
+    """Return (eˣ − 1)/x and (eˣ − 1 − x)/x², with the shape of x.
+
+    They are the responses of a mode to a constant and to a linearly growing power. Power series
+    replace the quotients for small |x|, where the differences lose all digits.
+    """
     is_small = np.abs(x) < SERIES_THRESHOLD
     safe = np.where(is_small, 1.0, x)
     order_one = np.where(is_small, 1.0 + x / 2 + x * x / 6, np.expm1(safe) / safe)
@@ -132,6 +189,7 @@ THERMAL_DATA = (
 TEMPERATURE_TOLERANCE = 1e-6
 """Tolerance of the iterations, K."""
 MOST_ITERATIONS = 60
+"""Largest number of passes in an iteration."""
 LARGEST_TEMPERATURE = 1500.0
 """Temperature (K) above which a steady state is rejected."""
 PAUSE_INSTANTS = 300
@@ -144,7 +202,10 @@ LARGEST_TEMPERATURE_CHANGE = 2.0
 
 @frozen
 class ThermalModel:
-    """Constants of the two bodies and of the loss, in SI units. Temperatures are in K.
+    """Thermal resistances and capacities of a motor, and its heat loss, in SI units.
+
+    The equations are at the top of this module. Temperatures are in K, resistances in K/W, and
+    capacities in J/K.
 
     Examples
     --------
@@ -167,16 +228,29 @@ class ThermalModel:
     c_winding: float
     c_housing: float
     ambient: float
+    """Ambient temperature, K."""
     loss: float
     """R/k² at 25 °C, W/(N·m)²."""
     copper: float = COPPER_COEFFICIENT
+    """Relative change of the winding resistance, 1/K."""
     magnet: float = 0.0
+    """Relative change of the torque constant, 1/K."""
 
     @classmethod
     def from_motor(cls, motor: Motor, ambient: float) -> "ThermalModel":
-        """Build the model of a motor at an ambient temperature (K).
+        """Build the model from the data of a motor file.
 
-        Raises ProblemError if data of `THERMAL_DATA` other than the temperature limit are missing.
+        Parameters
+        ----------
+        motor
+            Motor with electrical and thermal data.
+        ambient
+            Ambient temperature, K.
+
+        Raises
+        ------
+        ProblemError
+            If data of `THERMAL_DATA` other than the temperature limit are missing.
         """
         inner = require_value(motor, "resistance_winding_housing")
         outer = require_value(motor, "resistance_housing_ambient")
@@ -192,9 +266,24 @@ class ThermalModel:
         )
 
     def power(self, square: Array, winding: Array) -> tuple[Array, Array]:
-        """Return the heat P in the winding (W), and its derivative dP/dT_w (W/K).
+        """Compute the heat in the winding and its derivative by the winding temperature.
 
-        `square` contains squared torques and `winding` winding temperatures of the same shape.
+        The heat is P = loss·tau²·(1 + copper·ΔT) / (1 + magnet·ΔT)², where ΔT is the winding
+        temperature minus 25 °C and loss, copper and magnet are the attributes of this model. The
+        factor of the magnets is at least 0.05, and temperatures above `LARGEST_TEMPERATURE` count
+        as this temperature, so that the iterations stay finite.
+
+        Parameters
+        ----------
+        square : array
+            Squared motor torques tau², (N·m)².
+        winding : array with the shape of square
+            Winding temperatures, K.
+
+        Returns
+        -------
+        power, slope : arrays with the shape of square
+            Heat P (W) and derivative dP/dT_w (W/K).
         """
         warm = np.minimum(winding, LARGEST_TEMPERATURE) - REFERENCE_TEMPERATURE
         copper = 1 + self.copper * warm
@@ -206,9 +295,7 @@ class ThermalModel:
 
 @record
 class Cycle:
-    """Motor torque over one repetition.
-
-    `t` (n,) starts at 0, in s. `square` (n,) is tau², linear between the instants.
+    """Motor torque over one repetition of a motion and its pause.
 
     Examples
     --------
@@ -220,11 +307,23 @@ class Cycle:
     """
 
     t: Array
+    """Instants (n,) from 0 to the end of the pause, s."""
     square: Array
+    """Squared motor torque tau² (n,), which is linear between the instants, (N·m)²."""
 
     @classmethod
     def from_torque(cls, t: Array, torque: Array, pause: float = 0.0) -> "Cycle":
-        """Build a cycle from the instants t (n,) and torques (n,) of a motion, and a pause (s)."""
+        """Build a cycle from the torque of a motion. The torque is zero during the pause.
+
+        Parameters
+        ----------
+        t : (n,) array
+            Instants of the motion, s.
+        torque : (n,) array
+            Motor torques, N·m.
+        pause
+            Duration of the pause after the motion, s.
+        """
         t = t - t[0]
         square = np.square(torque)
         if pause > 0:
@@ -277,17 +376,30 @@ class Temperatures:
 def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
     """Compute the temperatures that repeat with the cycle, without a simulation of the warm-up.
 
-    A Newton iteration finds the mean temperature. Each following pass linearises the loss about the
-    temperatures of the previous pass and solves the periodic problem exactly, until the
-    temperatures change by less than 1e-6 K. The linear problem includes the mean effect of the
-    temperature on the loss.
+    A Newton iteration first finds the temperature at the mean loss. Each following pass linearises
+    the loss about the temperatures of the previous pass and solves the periodic problem exactly,
+    until the temperatures change by less than `TEMPERATURE_TOLERANCE`. The linear problem includes
+    the mean effect of the temperature on the loss.
+
+    Parameters
+    ----------
+    model
+        Thermal model of the motor.
+    cycle
+        Motor torque over one repetition.
+
+    Returns
+    -------
+    Temperatures
+        Temperatures at the instants of the cycle. They are infinite, with the status "no steady
+        state", if the loss grows faster than the heat can leave.
     """
     mean = _mean_temperature(model, cycle)
     return _no_steady_state(cycle) if mean is None else _iterate_temperatures(model, cycle, mean)
 
 
 def _no_steady_state(cycle: Cycle) -> Temperatures:
-    """Return the result for a motor that becomes hotter without end."""
+    """Return infinite temperatures for a motor that becomes hotter without end."""
     infinite = np.full(len(cycle.t), np.inf)
     return Temperatures(infinite, infinite, "no steady state")
 
@@ -297,8 +409,23 @@ def _iterate_temperatures(
 ) -> Temperatures:
     """Linearise the loss repeatedly until the temperatures over one cycle no longer change.
 
-    `guess` is a first guess of the winding temperature, K. `start` (2,) contains the temperatures
-    above ambient at the start of the cycle. Without it, the temperatures repeat with the cycle.
+    Parameters
+    ----------
+    model
+        Thermal model of the motor.
+    cycle
+        Motor torque over one repetition.
+    guess
+        First guess of the winding temperature, K.
+    start : (2,) array, optional
+        Temperatures of winding and housing above ambient at the start of the cycle, K. By default,
+        the temperatures are those that repeat with the cycle.
+
+    Returns
+    -------
+    Temperatures
+        Temperatures with the status "warming up" if `start` is given, and otherwise "steady" or "no
+        steady state".
     """
     winding = np.full(len(cycle.t), guess)
     housing = winding
@@ -325,9 +452,26 @@ def _iterate_temperatures(
 def _linearise_loss(
     model: ThermalModel, cycle: Cycle, winding: Array
 ) -> tuple[ThermalModes, Array]:
-    """Linearise the loss about winding temperatures (n,).
+    """Linearise the loss about the winding temperatures of the previous pass.
 
-    Returns the modes, which include the mean slope of the loss, and the remaining power (n,), W.
+    The loss is replaced by power + slope·(T_w − T_a), where slope is the mean of dP/dT_w over the
+    cycle, T_w the winding temperature and T_a the ambient temperature.
+
+    Parameters
+    ----------
+    model
+        Thermal model of the motor.
+    cycle
+        Motor torque at n instants.
+    winding : (n,) array
+        Winding temperatures of the previous pass, K.
+
+    Returns
+    -------
+    modes
+        Modes of the thermal model, which include the slope.
+    power : (n,) array
+        Part of the loss that does not depend on the temperature, W.
     """
     power, slope = model.power(cycle.square, winding)
     mean = cycle.mean(slope)
@@ -338,7 +482,17 @@ def _linearise_loss(
 
 
 def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
-    """Return the smallest solution of T = T_a + R·mean(tau²)·loss(T), K, or None."""
+    """Compute the winding temperature at which the mean loss and the outflow of heat balance.
+
+    It is the smallest solution of T = T_a + R·P(mean(tau²), T), where T_a is the ambient
+    temperature, R the thermal resistance from winding to ambient, P the loss and tau the torque.
+    Newton's method starts at T_a.
+
+    Returns
+    -------
+    float or None
+        Temperature, K. None if there is no solution.
+    """
     square = np.array([cycle.mean(cycle.square)])
     total = model.r_winding_housing + model.r_housing_ambient
     temperature = np.array([model.ambient])
@@ -354,19 +508,46 @@ def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
 
 
 def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Temperatures:
-    """Compute the temperatures over one cycle from initial temperatures.
+    """Compute the temperatures over one cycle from given initial temperatures.
 
-    `start` contains the temperatures of winding and housing at the start of the cycle, K.
+    Parameters
+    ----------
+    model
+        Thermal model of the motor.
+    cycle
+        Motor torque at n instants of one repetition.
+    start
+        Temperatures of winding and housing at the start of the cycle, K.
+
+    Returns
+    -------
+    Temperatures
+        Temperatures (n,) at the instants of the cycle, with the status "warming up".
     """
     return _iterate_temperatures(model, cycle, start[0], np.array(start) - model.ambient)
 
 
 def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
-    """Return the time until the winding of a cold motor first reaches `limit` (K), s.
+    """Compute the time until the winding of a cold motor first reaches a temperature.
 
-    The result is None if the winding never reaches the limit. If the temperatures change little
+    The motor starts at ambient temperature and repeats the cycle. If the temperatures change little
     from one cycle to the next, many cycles are computed at once: as many as warm the motor by
-    `LARGEST_TEMPERATURE_CHANGE`.
+    `LARGEST_TEMPERATURE_CHANGE`. If the winding reaches the limit after such a step, the step is
+    repeated with half as many cycles, until the cycle that reaches the limit is found.
+
+    Parameters
+    ----------
+    model
+        Thermal model of the motor.
+    cycle
+        Motor torque over one repetition.
+    limit
+        Winding temperature, K.
+
+    Returns
+    -------
+    float or None
+        Time, s. None if the winding never reaches the limit.
     """
     steady = steady_state(model, cycle)
     if steady.steady and steady.peak < limit:
@@ -400,10 +581,31 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
 def _advance_cycles(
     model: ThermalModel, cycle: Cycle, temperatures: Temperatures, start: Array, max_stride: int
 ) -> tuple[int, Array]:
-    """Compute the temperatures (2,) at the start of a later repetition, K.
+    """Compute the temperatures after several repetitions of a cycle at once.
 
-    The number of repetitions after `start` (2,), which is also returned, is at most `max_stride`.
-    The loss is linearised about `temperatures`.
+    The loss is linearised about the temperatures over the first repetition. Each repetition then
+    changes the modes in the same way, and the sum over all repetitions is a geometric series.
+
+    Parameters
+    ----------
+    model
+        Thermal model of the motor.
+    cycle
+        Motor torque at n instants of one repetition.
+    temperatures
+        Temperatures (n,) over the first repetition.
+    start : (2,) array
+        Temperatures of winding and housing at the start of the first repetition, K.
+    max_stride
+        Largest number of repetitions.
+
+    Returns
+    -------
+    stride : int
+        Number of repetitions, with which the temperatures change by about
+        `LARGEST_TEMPERATURE_CHANGE`.
+    temperatures : (2,) array
+        Temperatures of winding and housing after these repetitions, K.
     """
     change = abs(np.array([temperatures.winding[-1], temperatures.housing[-1]]) - start).max()
     stride = int(max(min(max_stride, LARGEST_TEMPERATURE_CHANGE / max(change, 1e-12)), 1))
@@ -417,7 +619,24 @@ def _advance_cycles(
 
 
 def _crossing_time(t: Array, winding: Array, k: int, limit: float) -> float:
-    """Return the time at which the winding reaches the limit, interpolated up to instant k, s."""
+    """Return the time at which the winding temperature reaches a limit, by linear interpolation.
+
+    Parameters
+    ----------
+    t : (n,) array
+        Instants, s.
+    winding : (n,) array
+        Winding temperatures at the instants, K.
+    k
+        Index of the first instant with at least the limit.
+    limit
+        Temperature, K.
+
+    Returns
+    -------
+    float
+        Time between the instants k − 1 and k, s.
+    """
     if k == 0 or winding[k] == winding[k - 1]:
         return float(t[k])
     share = (limit - winding[k - 1]) / (winding[k] - winding[k - 1])
