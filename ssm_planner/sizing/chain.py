@@ -1,10 +1,10 @@
 """Put a catalogue's gearhead between a motor and the present drive of a joint.
 
 The figures of a drive refer to the motor shaft. A new gearhead with the ratio N and the efficiency
-η makes the former motor shaft its output shaft. Seen from the new motor shaft, the inertia of the
-former shaft without its rotor is J / (N² η), and the bearing friction is b_c / (N η) and
-b_v / (N² η). This is exact while the motor drives the gearhead. While the load drives it, the
-friction is overestimated.
+η makes the former motor shaft its output shaft. Seen from the new motor shaft, the inertia J of the
+former shaft without its rotor becomes J / (N² η), the Coulomb friction torque b_c of its bearings
+b_c / (N η), and the viscous friction coefficient b_v of its bearings b_v / (N² η). This is exact
+while the motor drives the gearhead. While the load drives it, the friction is overestimated.
 """
 
 from dataclasses import replace
@@ -43,11 +43,29 @@ class DriveChain:
 
 
 def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
-    """Return the load of a joint with a gearhead between the motor and the present drive.
+    """Put a gearhead between the motor and the present drive of a joint.
 
     The result has no motor, because the drive no longer contains the rotor and the friction of the
-    original one. Raises ProblemError if the joint has a gearhead already, or if the uncertainty of
-    its friction is not stated as ranges.
+    original one. Its friction and inertia follow from the equations at the top of this module.
+
+    Parameters
+    ----------
+    load
+        Load of the joint with its present drive and motor.
+    gearhead
+        Gearhead of a catalogue.
+
+    Returns
+    -------
+    JointLoad
+        Load of the same motion with the new drive. Its `shaft` is the range of the inertia on the
+        new motor shaft without a rotor.
+
+    Raises
+    ------
+    ProblemError
+        If the joint has a gearhead already, or if the uncertainty of its friction is not stated as
+        ranges.
     """
     drive = load.drive
     friction = required_friction(drive)

@@ -21,6 +21,12 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
 
     All other joints are at rest. The phases are named "forth" and "back". Each has a trapezoidal
     velocity profile, or a triangular profile if the distance is too short to reach full speed.
+
+    Parameters
+    ----------
+    stroke
+        Joint, centre and reach (rad or m), velocity, acceleration, and positions of the other
+        joints.
     """
     joint = JOINTS.index(stroke.joint)
     times = _stroke_timing(2 * stroke.reach, stroke.velocity, stroke.acceleration)
@@ -39,9 +45,18 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
 
 
 def _stroke_timing(distance: float, velocity: float, acceleration: float) -> Array:
-    """Return the durations of the acceleration, the constant speed and the deceleration, s.
+    """Return the durations of the phases of a stroke from rest to rest.
 
-    If the joint does not reach full speed, only acceleration and deceleration are returned.
+    Parameters
+    ----------
+    distance, velocity, acceleration
+        Distance of the stroke, velocity at constant speed and acceleration (rad or m, and s).
+
+    Returns
+    -------
+    (3,) or (2,) array
+        Durations of acceleration, constant speed and deceleration, s. If the distance is too short
+        to reach full speed, there is no phase of constant speed.
     """
     ramp = velocity / acceleration
     cruise = distance / velocity - ramp
@@ -99,13 +114,14 @@ def pause_after_motion(problem: Problem) -> float:
 class DutyCycle:
     """Motions of one robot for which its motors are sized.
 
-    Each entry of `runs` contains a motion and the name of the joint whose motor it sizes. None
-    means every joint with a drive.
+    In each entry of `runs`, the name None means that the motion sizes the motor of every joint with
+    a drive.
     """
 
     name: str
     robot: Robot
     runs: tuple[tuple[Trajectory, str | None], ...]
+    """Motions, each with the name of the joint whose motor it sizes."""
     notes: tuple[str, ...] = ()
     """Remarks on the motion for the reader of the result."""
     pause: float = 0.0
@@ -125,9 +141,22 @@ class DutyCycle:
         return cls(motorisation.name, motorisation.robot, runs)
 
     def loads(self, payload: float = 0.0) -> tuple[JointLoad, ...]:
-        """Compute the loads of all joints with a point mass `payload` (kg) at the tool tip.
+        """Compute the loads of all joints that the duty cycle sizes.
 
-        Raises ProblemError if a joint has a motor but no drive.
+        Parameters
+        ----------
+        payload
+            Point mass at the tool tip, kg.
+
+        Returns
+        -------
+        tuple of JointLoad
+            One load for each motion and each joint that the motion sizes.
+
+        Raises
+        ------
+        ProblemError
+            If a joint has a motor but no drive.
         """
         for joint in self.robot.joints:
             if joint.motor is not None and joint.drive is None:
@@ -142,7 +171,17 @@ class DutyCycle:
 
 
 def no_drive_error(joint: str, file: str | None = None, motor: str | None = None) -> ProblemError:
-    """Build the error for a motor on a joint without a drive."""
+    """Build the error for a motor on a joint that has no drive or that does not exist.
+
+    Parameters
+    ----------
+    joint
+        Name of the joint.
+    file
+        File of the robot.
+    motor
+        Name of the motor.
+    """
     if joint not in JOINTS:
         return ProblemError("no joint of this name", key=joint, allowed=", ".join(JOINTS))
     return ProblemError(

@@ -1,4 +1,9 @@
-"""Compute the load of each joint's drive over a motion: speed, acceleration and effort."""
+"""Compute the load of each joint's drive over a motion: speed, acceleration and effort.
+
+The main entry, `joint_loads`, samples a motion and evaluates the rigid-body dynamics. Its result,
+`JointLoad`, gives the exact motor torque at every instant. All other modules of this package start
+from it.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -57,10 +62,16 @@ class JointLoad:
     motor: Motor | None
     alternatives: tuple[Motor, ...]
     t: Array
+    """Instants, s."""
     qd: Array
+    """Velocity of the joint, rad/s or m/s."""
     qdd: Array
+    """Acceleration of the joint, rad/s² or m/s²."""
     inertia: Array
-    """M(q) q̈ of this joint, N·m or N."""
+    """Effort that accelerates the bodies, the row of M(q) q̈ of this joint, N·m or N.
+
+    M is the mass matrix and q̈ the acceleration of all joints.
+    """
     velocity: Array
     """Coriolis and centrifugal effort, N·m or N."""
     gravity: Array
@@ -70,14 +81,15 @@ class JointLoad:
     breakaway: Array
     """1 at instants at which the joint starts from rest, else 0."""
     weight: Array
-    """Share of the duration that each instant represents (trapezoidal rule). The sum is 1."""
+    """Fraction of the duration that each instant represents (trapezoidal rule). The sum is 1."""
     duration: float
+    """Duration of the motion, s."""
     motor_friction: Range = (0.0, 0.0)
-    """Least and largest friction torque of the motor that the drive's friction omits, N·m."""
+    """Least and largest friction torque of the motor that the friction of the drive omits, N·m."""
     shaft: Range | None = None
     """Least and largest inertia on the motor shaft without a rotor, kg·m².
 
-    None if the drive's input_inertia and friction include the motor of the joint.
+    None if the input inertia and the friction of the drive include the motor of the joint.
     """
 
     @property
@@ -87,7 +99,7 @@ class JointLoad:
 
     @property
     def moving_share(self) -> float:
-        """Share of the duration in which the joint moves."""
+        """Fraction of the duration in which the joint moves."""
         return float(self.weight[self.direction != 0].sum())
 
     def speed(self) -> Array:
@@ -115,7 +127,18 @@ class JointLoad:
         return self.by_parts(JointLoad._torque)
 
     def by_parts(self, function: Callable[["JointLoad"], Array]) -> Array:
-        """Evaluate a function of every instant (…, n) in parts, which bounds the memory in use."""
+        """Evaluate a function of the instants in blocks of `SECTION_SIZE` instants, to save memory.
+
+        Parameters
+        ----------
+        function
+            Function of a load with m instants that returns an array (…, m).
+
+        Returns
+        -------
+        (…, n) array
+            Values at all n instants of this load.
+        """
         result = np.empty(0)
         for rows in blocks(len(self.t), SECTION_SIZE):
             values = function(replace(self, **self._columns(rows)))
@@ -125,7 +148,7 @@ class JointLoad:
         return result
 
     def _torque(self) -> Array:
-        """Return the exact motor torque of all instants at once."""
+        """Return the exact motor torque of all instants at once, N·m, (n,) or (draws, n)."""
         torque = motor_torque(
             self.drive,
             self.effort(),
@@ -153,7 +176,16 @@ class JointLoad:
         return np.sqrt(np.square(value) @ self.weight)
 
     def stretched(self, factor: float) -> "JointLoad":
-        """Return the load of the same motion with `factor` times its duration."""
+        """Return the load of the same motion with a longer or shorter duration.
+
+        The path stays the same. Velocities are divided by the factor, and accelerations and the
+        efforts of inertia and velocity by its square.
+
+        Parameters
+        ----------
+        factor
+            New duration divided by the present one.
+        """
         return replace(
             self,
             t=self.t[0] + factor * (self.t - self.t[0]),
@@ -165,9 +197,17 @@ class JointLoad:
         )
 
     def plus(self, load: "JointLoad", share: float) -> "JointLoad":
-        """Interpolate linearly between this load (share 0) and another one (share 1).
+        """Interpolate linearly between the efforts of this load and those of another one.
 
-        Loads are linear in the masses, so the interpolation between two payloads is exact.
+        Efforts are linear in the masses, so the interpolation between two payloads is exact.
+
+        Parameters
+        ----------
+        load
+            Load of the same motion with another payload.
+        share
+            Position between both loads: 0 gives this load and 1 gives `load`. Values above 1
+            extrapolate.
         """
         names = ("inertia", "velocity", "gravity")
         return replace(
@@ -184,7 +224,7 @@ class JointLoad:
         return replace(self, **columns | {"weight": _trapezoidal_weights(columns["t"])})
 
     def _columns(self, rows: slice | Indices) -> Keywords:
-        """Return the columns of some instants, by field."""
+        """Return the arrays of some instants by the name of the field."""
         return {name: getattr(self, name)[rows] for name in ("t", *JOINT_COLUMNS, "weight")}
 
     at = Renamed("subset")
@@ -195,8 +235,21 @@ def joint_loads(
 ) -> tuple[JointLoad, ...]:
     """Compute the loads of all driven joints over a motion.
 
-    The instants have at least the rate `rate` (Hz), within the limits of `MOST_INSTANTS` and
-    `INSTANTS_PER_PIECE`. They include every start, turn and arrival of a joint.
+    Parameters
+    ----------
+    trajectory
+        The motion.
+    robot
+        Robot whose joints move.
+    rate
+        Sampling rate (Hz). The instants have at least this rate, within the limits of
+        `MOST_INSTANTS` and `INSTANTS_PER_PIECE`. They include every start, turn and arrival of a
+        joint.
+
+    Returns
+    -------
+    tuple of JointLoad
+        One load with arrays (n,) for each joint that has a drive.
     """
     driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
     sections = blocks(len(trajectory.breaks) - 1, SECTION_SIZE)
@@ -236,10 +289,31 @@ def joint_loads(
 def _sampling_instants(
     trajectory: Trajectory, robot: Robot, rate: float, section: slice
 ) -> tuple[Indices, Array, Mask, Mask]:
-    """Return the pieces and the local times of all instants, and masks of first and last instants.
+    """Choose the instants at which the loads of a motion are computed.
 
-    The pieces of `section` are divided wherever a joint reverses. The masks select the first and
-    the last instant of each part.
+    The polynomial pieces of the trajectory are divided into parts wherever a joint reverses. The
+    first two instants of each part coincide: the first one represents the start with static
+    friction, and the second one the motion just after it.
+
+    Parameters
+    ----------
+    trajectory
+        The motion.
+    robot
+        Robot with the velocity limits of the joints.
+    rate
+        Sampling rate, Hz.
+    section
+        Indices of the pieces to divide.
+
+    Returns
+    -------
+    index : (n,) array of int
+        Piece of each instant.
+    local : (n,) array
+        Time since the start of this piece, s.
+    is_first, is_last : (n,) arrays of bool
+        True at the first and at the last instant of each part.
     """
     index, start, end = _split_at_reversals(trajectory, robot, rate, section)
     most = _max_instants(len(trajectory.breaks))
@@ -252,7 +326,10 @@ def _sampling_instants(
 
 
 def _max_instants(breaks: int) -> int:
-    """Return the largest number of instants per piece of a motion with this number of breaks."""
+    """Return the largest number of instants per piece of a motion with `breaks` breaks.
+
+    The limits are those of `INSTANTS_PER_PIECE`.
+    """
     fewest, usual, largest = INSTANTS_PER_PIECE
     most = max(MOST_INSTANTS // breaks, min(usual, 10 * MOST_INSTANTS // breaks))
     return int(np.clip(most, fewest, largest))
@@ -261,10 +338,28 @@ def _max_instants(breaks: int) -> int:
 def _split_at_reversals(
     trajectory: Trajectory, robot: Robot, rate: float, section: slice
 ) -> tuple[Indices, Array, Array]:
-    """Divide the pieces of a trajectory in `section` wherever a joint reverses.
+    """Divide the polynomial pieces of a trajectory wherever a joint reverses.
 
-    Reversals are detected between samples at `rate` (Hz). Returns the index of the piece, and the
-    local start and end (s), of every part.
+    Samples at `rate` show between which two of them the velocity of a joint changes its sign.
+    Bisection then finds the exact time of each reversal.
+
+    Parameters
+    ----------
+    trajectory
+        The motion.
+    robot
+        Robot with the velocity limits of the joints, which define the speeds that count as rest.
+    rate
+        Sampling rate, Hz.
+    section
+        Indices of the pieces to divide.
+
+    Returns
+    -------
+    index : (parts,) array of int
+        Piece of each part.
+    start, end : (parts,) arrays
+        Start and end of each part since the start of its piece, s.
     """
     all_lengths = np.diff(trajectory.breaks)
     lengths = all_lengths[section]
@@ -299,7 +394,24 @@ def _split_at_reversals(
 def _reversal_times(
     trajectory: Trajectory, index: Indices, low: Array, high: Array, joint: Indices
 ) -> Array:
-    """Return the local times (n,) from `low` to `high` at which joints reverse, by bisection."""
+    """Find by bisection the times at which joints reverse.
+
+    Parameters
+    ----------
+    trajectory
+        The motion.
+    index : (n,) array of int
+        Polynomial piece in which each reversal occurs.
+    low, high : (n,) arrays
+        Times before and after each reversal since the start of the piece, s.
+    joint : (n,) array of int
+        Index of the joint that reverses.
+
+    Returns
+    -------
+    (n,) array
+        Times of the reversals since the start of the piece, s.
+    """
     coefficients = trajectory.pieces(index)[np.arange(len(index)), 1:, joint] * np.arange(
         1, DEGREE + 1
     )
@@ -317,7 +429,10 @@ def _reversal_times(
 
 
 def _trapezoidal_weights(t: Array) -> Array:
-    """Return the trapezoidal weights (n,) of instants t (n,), whose sum is 1."""
+    """Return the fraction of the duration that each instant of t (n,) represents, (n,).
+
+    The trapezoidal rule gives each instant half of both adjacent intervals. The sum is 1.
+    """
     half = np.diff(t, prepend=t[0], append=t[-1]) / 2
     weight = half[1:] + half[:-1]
     return weight / weight.sum()

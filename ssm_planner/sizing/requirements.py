@@ -1,10 +1,15 @@
 """Compute the requirements of a motion on each motor: torque, its components, speed, power, energy.
 
 Without friction, the torque law of dynamics/transmission.py is linear in load and acceleration.
-Therefore, the torque is a sum of components, of which friction is the remainder:
+Therefore, the motor torque tau is a sum of components:
 
     tau = tau_lossless(inertia) + tau_lossless(load) + bearings
           + (mesh with friction − mesh without)
+
+tau_lossless is the torque of a drive without friction. "Inertia" stands for the effort that
+accelerates all parts, "load" for gravity, Coriolis and centrifugal effort, "bearings" for the
+friction of the bearings, and "mesh" for the torque with sliding friction of screw or worm. The main
+entry is `motor_requirements`.
 """
 
 from collections.abc import Iterator
@@ -27,8 +32,8 @@ from ssm_planner.typing import Array, JsonObject, record
 class MotorRequirement:
     """Requirements of one motion on the motor of one joint, in SI units.
 
-    The arrays t, speed and torque (n,), and `split`, are computed from `load` on each
-    use, so that a long motion needs little memory.
+    The arrays `t`, `speed`, `torque` and `split` are computed from `load` on each use, so that a
+    long motion needs little memory.
 
     Examples
     --------
@@ -40,11 +45,17 @@ class MotorRequirement:
 
     joint: str
     motor: Motor | None
+    """Motor of the joint, or None if none is chosen."""
     peak_torque: float
+    """Largest magnitude of the motor torque, N·m."""
     rms_torque: float
+    """Root mean square of the motor torque over the motion, N·m."""
     mean_torque: float
+    """Mean motor torque over the motion, N·m."""
     peak_speed: float
+    """Largest motor speed, rad/s."""
     peak_acceleration: float
+    """Largest motor acceleration, rad/s²."""
     peak_power: float
     """Largest mechanical output power, W."""
     mean_power: float
@@ -60,7 +71,7 @@ class MotorRequirement:
     load: JointLoad
     """Motion and load of the joint."""
     components: JsonObject
-    """Value at the largest torque, and RMS, of each component of the torque, N·m."""
+    """Value at the largest torque and RMS value of each component of the torque, N·m."""
 
     @property
     def t(self) -> Array:
@@ -90,10 +101,15 @@ class MotorRequirement:
     def shown(self) -> Any:
         """Return the data that a figure of the motor draws.
 
-        The result is a plain namespace with the attributes `FIGURE_FIELDS`, so that another
-        process can read it without this package. A motion of more than `MOST_INSTANTS`
-        instants is divided into groups of consecutive instants. Each group keeps its
-        smallest and its largest torque.
+        The result is a plain namespace with the attributes `FIGURE_FIELDS`, so that another process
+        can read it without this package. A long motion is thinned out: if it has more than
+        `MOST_INSTANTS` instants, consecutive instants form groups, and only the instants of the
+        smallest and of the largest torque of each group are kept.
+
+        Returns
+        -------
+        SimpleNamespace
+            Attributes `FIGURE_FIELDS` in SI units, with arrays (n,).
         """
         torque = self.torque
         group = -(-len(torque) // MOST_INSTANTS)
@@ -119,14 +135,34 @@ def motor_requirements(
 ) -> tuple[MotorRequirement, ...]:
     """Compute the requirements on the motor of every driven joint, with the exact friction law.
 
-    The motion is sampled at `rate` (Hz), and on both sides of every instant at which a torque may
-    jump.
+    Parameters
+    ----------
+    trajectory
+        The motion.
+    robot
+        Robot that performs the motion.
+    rate
+        Sampling rate, Hz. Both sides of every instant at which a torque may jump are added.
+
+    Returns
+    -------
+    tuple of MotorRequirement
+        One entry for each joint that has a drive.
     """
     return tuple(motor_requirement(load) for load in joint_loads(trajectory, robot, rate))
 
 
 def motor_requirement(load: JointLoad) -> MotorRequirement:
-    """Compute the requirements on the motor of one joint from its load."""
+    """Compute the requirements on the motor of one joint from its load.
+
+    Means and RMS values are weighted by the duration that each instant of the load represents.
+    Power is torque times speed.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    """
     torque = load.torque()
     speed = load.speed()
     power = torque * speed
@@ -152,7 +188,23 @@ def motor_requirement(load: JointLoad) -> MotorRequirement:
 
 
 def joule_power(motor: Motor | None, rms_torque: float) -> float | None:
-    """Return the mean heat R·(tau_rms/k)² in the winding at 25 °C, W. None if k or R is missing."""
+    """Compute the mean heat in the winding at 25 °C.
+
+    The heat is R·(tau_rms/k)², where R is the terminal resistance, k the torque constant, and
+    tau_rms the RMS torque of the motor.
+
+    Parameters
+    ----------
+    motor
+        Motor with its electrical data, or None.
+    rms_torque
+        RMS torque, N·m.
+
+    Returns
+    -------
+    float or None
+        Heat, W. None if the motor, k or R is missing.
+    """
     if motor is None or motor.torque_constant is None or motor.terminal_resistance is None:
         return None
     return motor.terminal_resistance * (rms_torque / motor.torque_constant) ** 2
@@ -230,10 +282,22 @@ FIGURE_FIELDS = (
 )
 """Attributes of a requirement that a figure shows."""
 TORQUE_COMPONENTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_friction")
+"""Names of the components of the motor torque, which are described in `TorqueBreakdown`."""
 
 
 def torque_split(load: JointLoad) -> TorqueBreakdown:
-    """Divide the motor torque of a joint into its components."""
+    """Divide the motor torque of a joint into its components.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint at n instants.
+
+    Returns
+    -------
+    TorqueBreakdown
+        Components (n,), and their values at the largest torque and over the motion.
+    """
     *values, total = load.by_parts(_stacked_components)
     peak = int(np.argmax(np.abs(total)))
     components = dict(zip(TORQUE_COMPONENTS, values, strict=True))
@@ -245,8 +309,21 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
 
 
 def _stacked_components(load: JointLoad) -> Array:
-    """Return the components of the motor torque in the order of `TORQUE_COMPONENTS`, and their sum,
-    (6, n).
+    """Compute the components of the motor torque at all instants of a load.
+
+    Each component is the torque of a drive in which some causes of torque are set to zero. The
+    friction in the mesh is the remainder: the full torque minus the torque of a drive without
+    losses in the mesh and in the gear stages. At rest, bearings cause no torque.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint at n instants.
+
+    Returns
+    -------
+    (6, n) array
+        Components in the order of `TORQUE_COMPONENTS`, and their sum in the last row, N·m.
     """
     drive = load.drive
     moving = load.direction != 0
@@ -278,13 +355,40 @@ def _stacked_components(load: JointLoad) -> Array:
 
 
 def _lossless_mesh_torque(lossless: Drive, effort: Array, direction: Array) -> Array:
-    """Return the torque of a lossless drive at constant speed, N·m, (n,)."""
+    """Return the motor torque of a lossless drive at constant speed.
+
+    Parameters
+    ----------
+    lossless
+        Drive without friction.
+    effort : (n,) array
+        Effort in the mesh, N·m or N.
+    direction : (n,) array
+        Direction of motion, ±1.
+
+    Returns
+    -------
+    (n,) array
+        Torques, N·m.
+    """
     zero = np.zeros_like(effort)
     return motor_torque(lossless, effort, zero, zero, direction=direction)
 
 
 def _without_mesh_losses(drive: Drive, **bearings: float) -> Drive:
-    """Return the drive without losses in mesh and gear stages. Without losses, γ = 1/ratio."""
+    """Return the drive without losses in the mesh and in the gear stages.
+
+    The transmission ratio of motor to joint stays the same, so the stages are removed and their
+    ratio is included in the lever arm γ of the mesh. A drive with efficiencies instead of a thread
+    has γ = 1/ratio if it has no losses.
+
+    Parameters
+    ----------
+    drive
+        Drive with its friction and gear stages.
+    **bearings
+        Friction parameters of the bearings that are replaced, such as b_c=0.0.
+    """
     friction = unchecked_copy(
         required_friction(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings
     )
