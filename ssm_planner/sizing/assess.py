@@ -46,6 +46,7 @@ from ssm_planner.sizing.thermal_network import THERMAL_DATA
 from ssm_planner.typing import JsonObject, Range, record
 
 CONFIDENCE_CHECK = "confidence"
+"""Name of the check that all limits are kept at once with the required confidence."""
 
 
 @record
@@ -64,7 +65,9 @@ class MotorVerdict:
     """Load of the joint. The input inertia of its drive includes the rotor of this motor."""
     motor: Motor
     requirement: MotorRequirement
+    """Requirements of the motion on this motor at the stated friction."""
     band: Band
+    """Demands on this motor and their range if friction is uncertain."""
     checks: tuple[Check, ...]
     """Checks of the motor."""
     gear: tuple[Check, ...]
@@ -74,8 +77,12 @@ class MotorVerdict:
     heat: Heat | None
     """Winding temperatures. None if the motor file lacks thermal data."""
     regions: dict[str, float] | None
-    """Shares of the time in the continuous region, in the short-term region, and beyond both."""
+    """Fractions of the time in the continuous region, in the short-term region, and beyond both.
+
+    None if data are missing, see `operating_region_shares`.
+    """
     notes: tuple[str, ...]
+    """Remarks on assumptions for the reader of the result."""
 
     @property
     def joint(self) -> str:
@@ -95,7 +102,12 @@ class MotorVerdict:
 
     @property
     def binds(self) -> str | None:
-        """Name of the check with the smallest margin among the checks of the motor and its gear."""
+        """Name of the check that limits the motor.
+
+        It is the check with the smallest margin among the checks of the motor and its gear. The
+        result is "confidence" if each limit is kept on its own but not all of them at once with the
+        required confidence, and None if no check has a margin.
+        """
         tightest = tightest_check(
             check for check in (*self.checks, *self.gear) if check.name != CONFIDENCE_CHECK
         )
@@ -140,6 +152,11 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
         The assessed motor.
     conditions
         Operating conditions, which contain the pause after each repetition.
+
+    Returns
+    -------
+    MotorVerdict
+        Requirements, demands, checks of motor and gear, temperatures and remarks.
     """
     original = load.motor
     load, inertia, rotors = with_motor(load, motor)
@@ -229,14 +246,31 @@ def with_motor(load: JointLoad, motor: Motor) -> tuple[JointLoad, Range | None, 
 
 
 def motor_friction(load: JointLoad, motor: Motor) -> Range:
-    """Return the range of the friction torque that a motor adds to the friction of a drive, N·m.
+    """Compute the friction torque that a motor adds to the friction of a drive.
 
-    The friction of the drive includes that of the joint's original motor. If the original motor
-    states its no-load current, the result is the increase, or 0. Otherwise, the range extends from
-    0 to the friction torque of the new motor. A motor without a no-load current is assumed to have
-    the friction of the original motor. If the drive's friction does not include a motor, the result
-    is the friction torque of the new motor. If it is not known, the result extends up to b_c on the
-    shaft of the drive, which includes the original motor.
+    The friction of a drive was identified together with the joint's original motor and includes the
+    friction of this motor. The result therefore depends on the no-load currents of both motors,
+    from which their friction torques follow. If both are stated, the result is the increase, or 0.
+    If only that of the new motor is stated, the range extends from 0 to the friction torque of the
+    new motor. If that of the new motor is not stated, it is assumed to have the friction of the
+    original motor.
+
+    With a gearhead of a catalogue, the friction of the drive does not include a motor. Then the
+    result is the friction torque of the new motor. If this torque is not known, the range extends
+    from 0 to the Coulomb friction b_c on the input shaft of the drive behind its gear stages, which
+    includes the original motor.
+
+    Parameters
+    ----------
+    load
+        Load of the joint with its drive and original motor.
+    motor
+        The new motor.
+
+    Returns
+    -------
+    least, largest : float
+        Range of the added friction torque, N·m.
     """
     torque = no_load_torque(motor)
     original = load.motor
@@ -255,7 +289,24 @@ def motor_friction(load: JointLoad, motor: Motor) -> Range:
 
 
 def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
-    """Return the smallest and largest possible inertia (kg·m²) on the shaft with this motor."""
+    """Compute the range of the inertia on the shaft of a new motor.
+
+    The input inertia of a drive includes the rotor of the joint's original motor, which the new
+    rotor replaces. If a motor file does not state the inertia of its rotor, `rotor_range` gives its
+    range.
+
+    Parameters
+    ----------
+    load
+        Load of the joint with its drive and original motor.
+    motor
+        The new motor.
+
+    Returns
+    -------
+    smallest, largest : float
+        Inertias on the motor shaft with the new rotor, kg·m².
+    """
     original = load.motor
     inertia = load.drive.input_inertia
     if _is_original_motor(original, motor):
@@ -267,7 +318,10 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
 
 
 def _is_original_motor(original: Motor | None, motor: Motor) -> bool:
-    """Return True if a motor is the original one, so that rotor and friction do not change."""
+    """Return True if a motor is the original one, so that rotor and friction do not change.
+
+    Motors are equal if their names and rotor inertias are equal.
+    """
     figures = motor.name, motor.rotor_inertia
     return original is not None and (original.name, original.rotor_inertia) == figures
 
@@ -286,9 +340,14 @@ def motor_limits(
     motor, conditions
         The motor and its operating conditions.
     share
-        RMS torque over motion and pause, divided by the RMS torque over the motion.
+        RMS torque over motion and pause, divided by the RMS torque over the motion alone.
     heat
-        Thermal steady state, or None if the motor file lacks thermal data.
+        Temperatures in the repeated motion, or None if the motor file lacks thermal data.
+
+    Returns
+    -------
+    dict of DemandLimit
+        Limits of the checks "torque", "continuous_torque", "voltage" and "heat".
     """
     torque, torque_needs = _peak_torque_limit(motor, conditions)
     continuous = continuous_torque(motor, conditions.ambient)
@@ -313,9 +372,21 @@ def motor_limits(
 def _peak_torque_limit(
     motor: Motor, conditions: Conditions
 ) -> tuple[float | None, tuple[str, ...]]:
-    """Return the largest torque (N·m) of motor and controller, and the names of missing data.
+    """Return the largest torque that the motor and the current limit of the controller permit.
 
     The magnets are assumed to be at the largest winding temperature, because heat weakens them.
+
+    Parameters
+    ----------
+    motor, conditions
+        The motor and its operating conditions.
+
+    Returns
+    -------
+    torque : float or None
+        Torque, N·m. None if data for the current limit are missing.
+    needs : tuple of str
+        Names of the missing data.
     """
     if conditions.current_limit is None:
         return motor.max_torque, ()
@@ -329,8 +400,21 @@ def _peak_torque_limit(
 def _confidence_check(case: JointCase, limits: dict[str, DemandLimit]) -> Check:
     """Check that the motor keeps all its limits at once with the required confidence.
 
-    The probability of this is the value `worst` of the result. If a limit is missing, the stated
-    limits give an upper bound of the probability, so the check can fail but not pass.
+    Each limit may be kept with this confidence although all of them together are not. If a limit is
+    missing, the stated limits give an upper bound of the probability, so the check can fail but not
+    pass.
+
+    Parameters
+    ----------
+    case
+        Demands of the joint and their range.
+    limits
+        Limits of the motor by name of the check.
+
+    Returns
+    -------
+    Check
+        Its value `worst` is the probability that all limits are kept at once.
     """
     required = case.conditions.confidence
     missing_names = dict.fromkeys(
@@ -362,7 +446,15 @@ def _confidence_check(case: JointCase, limits: dict[str, DemandLimit]) -> Check:
 
 
 def _joint_probability(demands: Demands, limits: dict[str, DemandLimit]) -> float:
-    """Return the share of the draws in which every limit with a value is kept."""
+    """Return the fraction of the draws of the friction in which every known limit is kept.
+
+    Parameters
+    ----------
+    demands
+        Demands (draws,) of the motor.
+    limits
+        Limits of the motor by name of the check. Limits of None are ignored.
+    """
     is_satisfied = [
         factor * getattr(demands, name) <= limit * (1 + MARGIN_TOLERANCE)
         for name, factor, limit, _, _ in limits.values()
@@ -374,7 +466,19 @@ def _joint_probability(demands: Demands, limits: dict[str, DemandLimit]) -> floa
 def extrapolation_notes(joint: str, drive: Drive, peak_speed: float) -> list[str]:
     """Return a remark if friction is used beyond the speeds at which it was identified.
 
-    `peak_speed` is the largest speed of the motor, rad/s.
+    Parameters
+    ----------
+    joint
+        Name of the joint.
+    drive
+        Drive with its friction.
+    peak_speed
+        Largest speed of the motor, rad/s.
+
+    Returns
+    -------
+    list of str
+        The remark, also if these speeds are not stated. Empty if the speed is within the range.
     """
     identified_speed = required_friction(drive).identified_speed
     if identified_speed is None:
@@ -390,7 +494,7 @@ def extrapolation_notes(joint: str, drive: Drive, peak_speed: float) -> list[str
 
 
 def _assumption_notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
-    """Return remarks on assumptions and on extrapolated friction."""
+    """Return remarks on assumptions and on extrapolated friction for the reader of the result."""
     notes = []
     if motor.placeholder:
         notes.append(f"motor {motor.name}: placeholder figures ({', '.join(motor.placeholders)})")

@@ -1,7 +1,9 @@
 """Check limits, compute their margins, and combine the answers.
 
 An answer is True, False or None (not known). The module also contains the checks of gears: rated
-speed, load, duty and self-locking. Screws are also checked for whirling and buckling.
+speed, load, duty and self-locking. Screws are also checked for whirling, that is, the resonance of
+a turning screw, and for buckling. `assess` runs the checks of motors, and `drive_checks` those of a
+drive.
 """
 
 import math
@@ -26,6 +28,7 @@ from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.units import RPM
 
 MARGIN_TOLERANCE = 1e-9
+"""Relative excess of a limit that rounding errors can cause and that counts as kept."""
 
 
 @frozen
@@ -44,6 +47,7 @@ class Check:
     """
 
     name: str
+    """Name of the check."""
     margin: float | None = None
     worst: float | None = None
     limit: float | None = None
@@ -53,6 +57,7 @@ class Check:
     probability: float | None = None
     """Probability that the limit is kept. None if the uncertainty of the friction is unknown."""
     needs: str | None = None
+    """Data that would decide the check, or None if it is decided."""
     best_margin: float | None = None
     """Margin at the favourable end of the uncertain data. None if `margin` is certain."""
 
@@ -91,7 +96,16 @@ def upper_limit_check(
 ) -> Check:
     """Build a check of an upper limit on a quantity that does not depend on friction.
 
-    Without a limit, the check is open, and `needs` names the missing figure.
+    Parameters
+    ----------
+    name
+        Name of the check.
+    value, limit
+        The quantity and its upper limit, in `unit`. With None, the check is open.
+    unit
+        SI unit.
+    needs
+        Name of the figure that is missing if the limit is None.
     """
     if limit is None:
         return open_check(name, needs)
@@ -100,9 +114,19 @@ def upper_limit_check(
 
 
 def relative_margin(demand: Array | float, limit: Array | float) -> Array:
-    """Return (limit − demand)/limit for numbers or arrays (m,).
+    """Compute the margin to an upper limit, (limit − demand)/limit.
 
     A limit of 0 permits nothing, so its margin is −1.
+
+    Parameters
+    ----------
+    demand, limit : float or (m,) array
+        Demand and limit in the same unit.
+
+    Returns
+    -------
+    () or (m,) array
+        Margins. They are negative if the demand exceeds the limit.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(np.less_equal(limit, 0), -1.0, np.divide(np.subtract(limit, demand), limit))
@@ -110,18 +134,21 @@ def relative_margin(demand: Array | float, limit: Array | float) -> Array:
 
 @record
 class JointCase:
-    """The data from which the checks of one joint are computed."""
+    """The load, the demands and the conditions from which the checks of one joint are computed."""
 
     load: JointLoad
     band: Band
+    """Demands and their range if friction is uncertain."""
     spread: FrictionSpread
+    """Uncertainty of the friction."""
     conditions: Conditions
 
     @cached_property
     def shaft(self) -> "JointCase":
-        """Case of the drive without inertia and without the added friction of a motor.
+        """Case of the drive without inertia on its input shaft and without added motor friction.
 
-        Its torque passes through the gear stages.
+        Its motor torque is thus the torque that passes through the gear stages between motor and
+        drive.
         """
         drive = changed(self.load.drive, input_inertia=0.0)
         load = replace(self.load, drive=drive, motor_friction=(0.0, 0.0))
@@ -180,9 +207,20 @@ class JointCase:
         return replace(check, needs=self.deciding(smooth, limit))
 
     def deciding(self, values: Array, limit: float) -> str:
-        """Name the data or recordings that would decide whether values exceed a limit.
+        """Name the data or recordings that would decide whether a demand exceeds its limit.
 
-        `values` (draws,) are samples of the demand without the ripple of the drive.
+        Parameters
+        ----------
+        values : (draws,) array
+            Values of the demand for the draws of the friction, without the torque ripple of the
+            drive.
+        limit
+            Upper limit in the same unit.
+
+        Returns
+        -------
+        str
+            Description for the reader of the result.
         """
         spread = self.spread
         needs = list(spread.rotors)
@@ -193,7 +231,23 @@ class JointCase:
         return " and ".join(needs)
 
     def _deciding_recordings(self, values: Array, limit: float) -> str:
-        """Describe the recordings that would decide whether values (draws,) exceed a limit."""
+        """Describe the recordings that would decide whether a demand exceeds its limit.
+
+        The distribution of the demand must become so narrow that its quantile at the required
+        confidence lies on the same side of the limit as its median. The statistical error of n
+        recordings is assumed to fall with 1/√n, which gives the number of recordings. If it exceeds
+        99 times the present number, the answer states the factor on the width of the distribution
+        instead. If the quantile is on the side of the median already, only the torque ripple of the
+        drive is undecided.
+
+        Parameters
+        ----------
+        values : (draws,) array
+            Values of the demand for the draws of the friction, without the torque ripple of the
+            drive.
+        limit
+            Upper limit in the same unit.
+        """
         confidence = self.conditions.confidence
         posterior = self.spread.posterior
         middle = float(np.median(values))
@@ -210,17 +264,29 @@ class JointCase:
 
 
 def gear_case(load: JointLoad, conditions: Conditions) -> JointCase:
-    """Return the case of the gear of a joint, which does not depend on its motor."""
+    """Return the load and the demands from which the checks of a joint's gear are computed.
+
+    They do not depend on the motor of the joint.
+    """
     spread = friction_spread(load.drive, conditions.spread)
     band = demand_band(replace(load, motor=None), spread, conditions)
     return JointCase(load, band, spread, conditions)
 
 
 def demand_band(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> Band:
-    """Compute the range of the demands.
+    """Compute the demands on a joint and their range.
 
     The computation is a Monte Carlo simulation if the conditions request draws. Otherwise, it is
     linearised.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    spread
+        Uncertainty of the friction.
+    conditions
+        Operating conditions with the number of draws.
     """
     if conditions.draws:
         return monte_carlo(load, spread, conditions.draws)
@@ -254,9 +320,9 @@ Of the usual screw materials, stainless steel has the lowest critical speed and 
 STEEL_DENSITY = 8000.0
 """Density of stainless steel, kg/m³."""
 CRITICAL_SPEED_FRACTION = 0.8
-"""Largest permitted speed of a screw as a share of its critical speed."""
+"""Largest permitted speed of a screw divided by its critical speed."""
 BUCKLING_LOAD_FRACTION = 0.5
-"""Largest permitted load of a screw as a share of Euler's buckling load."""
+"""Largest permitted load of a screw divided by Euler's buckling load."""
 BENDING_ROOTS: dict[ScrewEnds, float] = {
     "fixed-free": 1.8751040687,
     "supported-supported": math.pi,
@@ -274,7 +340,22 @@ EFFECTIVE_LENGTH_FACTORS: dict[ScrewEnds, float] = {
 
 
 def gear_checks(case: JointCase) -> tuple[Check, ...]:
-    """Run every check of a joint's gear or screw. A check that lacks data names them in `needs`."""
+    """Run every check of a joint's gear or screw.
+
+    The checks compare input speed, peak output, continuous output and duty with the manufacturer's
+    ratings. Self-locking is checked for drives that are declared self-locking, and whirling and
+    buckling for rotating screws. The duty is the fraction of the time in which the joint moves.
+
+    Parameters
+    ----------
+    case
+        Load and demands of the joint.
+
+    Returns
+    -------
+    tuple of Check
+        A check that lacks data names them in `needs`.
+    """
     load = case.load
     drive = load.drive
     ratings = drive.ratings or Ratings()
@@ -305,7 +386,12 @@ def gear_checks(case: JointCase) -> tuple[Check, ...]:
 def drive_checks(case: JointCase, drive: Drive | None = None) -> tuple[Check, ...]:
     """Run the checks of a drive and of its gear stages.
 
-    The gear stages are those of `drive`. The default is the drive of the case.
+    Parameters
+    ----------
+    case
+        Load and demands of the joint.
+    drive
+        Drive whose gear stages are checked, if it has others than the drive of the case.
     """
     drive = drive or case.load.drive
     stages = stage_checks(case.shaft, drive) if drive.stages else ()
@@ -315,17 +401,22 @@ def drive_checks(case: JointCase, drive: Drive | None = None) -> tuple[Check, ..
 def stage_checks(case: JointCase, drive: Drive) -> Iterator[Check]:
     """Check speed and output torque of every gear stage between motor and drive.
 
-    The output torque follows from the torque of the motor by the efficiency of the stages. If the
-    mesh of the drive is not self-locking, the backward efficiency applies, which overestimates the
-    torque. The continuous torque is the root mean square over the time in motion.
+    The output torque of a stage follows from the torque of the motor by the efficiency of the
+    stages. If the mesh of the drive is not self-locking, the backward efficiency applies, which
+    overestimates the torque. The continuous torque is the root mean square over the time in motion.
 
     Parameters
     ----------
     case
-        Case of the torque that passes through the stages, see `Case.shaft`.
+        Case of the torque that passes through the stages, see `JointCase.shaft`.
     drive
-        Drive with the stages. The torque of a case without its gearhead is that at the output of
-        the gearhead.
+        Drive with the stages. If the drive of `case` lacks a stage, its torque is the one at the
+        output of this stage.
+
+    Yields
+    ------
+    Check
+        Speed, peak torque and continuous torque of each stage, from the motor on.
     """
     load = case.load
     locks = is_certainly_self_locking(case)
@@ -351,16 +442,36 @@ def stage_checks(case: JointCase, drive: Drive) -> Iterator[Check]:
 
 
 def is_certainly_self_locking(case: JointCase) -> bool:
-    """Return whether the mesh of a drive is self-locking at its lowest plausible friction."""
+    """Return True if the mesh of a drive is self-locking even at its lowest plausible friction.
+
+    The condition is μ/cos θ_n ≥ tan λ, where μ is the friction coefficient, θ_n the pressure angle
+    of the thread in its normal section, and λ the lead angle.
+    """
     drive = case.load.drive
     lowest, _ = case.spread.mu_ends(drive, case.conditions.confidence)
     return lowest * drive.wedging >= drive.lead_slope
 
 
 def critical_speed(length: float, diameter: float, ends: ScrewEnds) -> float:
-    """Return the first whirling speed (rad/s) of a slender round steel screw.
+    """Compute the first whirling speed of a slender round steel screw.
 
-    Length and diameter are in m. The speed is (βL)²/L²·√(EI/(ρA)) with √(I/A) = d/4.
+    The speed is (βL)²/L²·√(EI/(ρA)), with the free length L, the root βL of the frequency equation
+    of a beam (`BENDING_ROOTS`), Young's modulus E, the density ρ, and √(I/A) = d/4 for the area A
+    and the second moment of area I of a round section with the diameter d.
+
+    Parameters
+    ----------
+    length
+        Free length L, m.
+    diameter
+        Root diameter d, m.
+    ends
+        Support of both ends.
+
+    Returns
+    -------
+    float
+        Speed, rad/s.
     """
     wave_number = BENDING_ROOTS[ends] / length
     sound_speed = math.sqrt(YOUNG_MODULUS / STEEL_DENSITY)
@@ -368,17 +479,36 @@ def critical_speed(length: float, diameter: float, ends: ScrewEnds) -> float:
 
 
 def buckling_load(length: float, diameter: float, ends: ScrewEnds) -> float:
-    """Return Euler's buckling load π²EI/(KL)² (N) of a slender round steel screw (lengths in m)."""
+    """Compute Euler's buckling load of a slender round steel screw.
+
+    The load is π²EI/(KL)², with Young's modulus E, the second moment of area I = πd⁴/64, the free
+    length L and the factor K of the support (`EFFECTIVE_LENGTH_FACTORS`).
+
+    Parameters
+    ----------
+    length
+        Free length L, m.
+    diameter
+        Root diameter d, m.
+    ends
+        Support of both ends.
+
+    Returns
+    -------
+    float
+        Load, N.
+    """
     area_moment = math.pi * diameter**4 / 64
     effective_length = EFFECTIVE_LENGTH_FACTORS[ends] * length
     return math.pi**2 * YOUNG_MODULUS * area_moment / effective_length**2
 
 
 def _self_locking_check(case: JointCase) -> Check:
-    """Check the condition of self-locking, μ > cos θ_n·tan λ, at the lowest plausible friction.
+    """Check that a mesh is self-locking at its lowest plausible friction.
 
-    If the lowest friction is unknown, the check contains only the nominal μ and names the data
-    that it needs.
+    The condition is μ > cos θ_n·tan λ, where μ is the friction coefficient, θ_n the pressure angle
+    of the thread in its normal section, and λ the lead angle. If the lowest friction is unknown,
+    the check is open: it contains only the stated μ and names the data that it needs.
     """
     drive = case.load.drive
     spread = case.spread
@@ -406,7 +536,16 @@ def _self_locking_check(case: JointCase) -> Check:
 
 
 def _screw_checks(case: JointCase, ratings: Ratings) -> list[Check]:
-    """Check the whirling speed and the buckling load of a screw."""
+    """Check the whirling speed and the buckling load of a screw.
+
+    Parameters
+    ----------
+    case
+        Load and demands of the joint.
+    ratings
+        Free length, root diameter and support of the screw. If one of them is missing, both checks
+        are open.
+    """
     length = ratings.free_length
     diameter = ratings.root_diameter
     ends = ratings.ends

@@ -1,6 +1,7 @@
 """Compute the limits of a motor: speed–torque line, current limit, continuous torque.
 
-The electrical model is the steady balance U = R·I + k·w with the torque k·I. It omits the
+The electrical model is the steady balance U = R·I + k·w of the voltage U, with the resistance R,
+the current I, the torque constant k and the speed w. The torque is k·I. The model omits the
 inductance. The friction of a drive includes the friction and the iron losses of the joint's own
 motor, because it was identified together with this motor. `no_load_torque` gives them for others.
 """
@@ -100,13 +101,23 @@ def rotor_range(motor: Motor) -> Range:
 
 
 def no_load_torque(motor: Motor | None) -> float | None:
-    """Return the friction torque of a motor, M_R = k·I_0, in N·m.
+    """Compute the friction torque of a motor, M_R = k·I_0, from its no-load current.
 
-    Without a load, the motor torque k·I_0 only overcomes bearing friction, brush friction and iron
-    losses (maxon, "Key information on maxon DC and EC motors": iron losses are treated as an
-    additional friction torque, and torque equals current times torque constant). The no-load
-    current applies at the no-load speed. These losses grow with speed, so M_R is an upper bound for
-    lower speeds. The result is None if the motor file lacks the current or the torque constant.
+    Without a load, the motor torque k·I_0, with the torque constant k and the no-load current I_0,
+    only overcomes bearing friction, brush friction and iron losses (maxon, "Key information on
+    maxon DC and EC motors": iron losses are treated as an additional friction torque, and torque
+    equals current times torque constant). The no-load current applies at the no-load speed. These
+    losses grow with speed, so M_R is an upper bound for lower speeds.
+
+    Parameters
+    ----------
+    motor
+        Motor, or None.
+
+    Returns
+    -------
+    float or None
+        Torque, N·m. None if the motor file lacks the current or the torque constant.
     """
     if motor is None or missing_data(motor, "no_load_current", "torque_constant"):
         return None
@@ -170,11 +181,23 @@ def available_torque(
 
 
 def continuous_torque(motor: Motor, ambient: float) -> float | None:
-    """Return the torque that the motor can sustain at an ambient temperature (K), N·m.
+    """Compute the torque that the motor can sustain at an ambient temperature.
 
-    Up to 25 °C, it is the nominal torque. Above, it is the nominal torque times √(ΔT / ΔT at
-    25 °C), where ΔT is the permitted rise of the winding temperature. The result is None if the
-    motor file lacks the largest winding temperature.
+    Up to 25 °C, it is the nominal torque. Above, it is the nominal torque times √(ΔT/ΔT₂₅), where
+    ΔT is the permitted rise of the winding above this ambient temperature and ΔT₂₅ the one above 25
+    °C.
+
+    Parameters
+    ----------
+    motor
+        Motor with its nominal torque.
+    ambient
+        Ambient temperature, K.
+
+    Returns
+    -------
+    float or None
+        Torque, N·m. None if the motor file lacks the largest winding temperature.
     """
     if ambient <= REFERENCE_TEMPERATURE:
         return motor.nominal_torque
@@ -189,10 +212,11 @@ def continuous_torque(motor: Motor, ambient: float) -> float | None:
 def operating_region_shares(
     motor: Motor, conditions: Conditions, speed: Array, torque: Array, weight: Array
 ) -> dict[str, float] | None:
-    """Return the shares of the time in the operating regions of a motor.
+    """Compute which fraction of the time the motor spends in each operating region.
 
-    The regions are continuous, short_term and beyond. The motor is assumed to have its largest
-    permitted temperature.
+    The region "continuous" contains torques that the motor can sustain, "short_term" larger torques
+    that it can still produce at its speed, and "beyond" all others. The motor is assumed to have
+    its largest permitted temperature.
 
     Parameters
     ----------
@@ -201,12 +225,12 @@ def operating_region_shares(
     speed, torque : (n,)
         Motor speed, rad/s, and motor torque, N·m.
     weight : (n,)
-        Share of the time that each instant represents.
+        Fraction of the time that each instant represents.
 
     Returns
     -------
     dict[str, float] or None
-        Shares by region. None if the continuous torque or the speed–torque line is unknown.
+        Fractions by region. None if the continuous torque or the speed–torque line is unknown.
     """
     steady = continuous_torque(motor, conditions.ambient)
     if (
@@ -227,11 +251,22 @@ def operating_region_shares(
 
 
 def voltage_factors(motor: Motor | None) -> Array:
-    """Return R/k in V/(N·m) and k in V·s/rad of the cold and of the hot motor, (2, 2).
+    """Return the voltage that a motor needs per torque and per speed, cold and hot.
 
-    A torque at a motor speed needs their scalar product with both. The cold motor has a larger
-    back-EMF. The hot motor has more resistance and needs more current. The values are NaN if data
-    are missing.
+    The voltage is U = (R/k)·tau + k·w with the resistance R, the torque constant k, the torque tau
+    and the speed w. The cold motor has a larger k and thus a larger back-EMF k·w. The hot motor has
+    more resistance and needs more current. Either can need the larger voltage.
+
+    Parameters
+    ----------
+    motor
+        Motor, or None.
+
+    Returns
+    -------
+    (2, 2) array
+        Rows for the motor at 25 °C and at its largest winding temperature, columns R/k in V/(N·m)
+        and k in V·s/rad. The values are NaN if data are missing.
     """
     if motor is None or missing_data(motor, *ELECTRICAL_DATA):
         return np.full((2, 2), np.nan)

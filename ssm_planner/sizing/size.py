@@ -1,7 +1,8 @@
 """Size the motors and gears of a robot for a motion.
 
-The module assesses candidates for every joint, and selects the smallest adequate motor. It also
-finds the largest payload and the shortest duration with which every check passes.
+The main entry, `size`, assesses candidates for every joint and finds the smallest adequate motor.
+`largest_payload` and `shortest_duration` search for the largest payload and for the shortest
+duration with which every check passes. `assess` and `checks` contain the checks themselves.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -32,8 +33,6 @@ from ssm_planner.typing import JsonObject, frozen, record
 class JointSizing:
     """The requirements on one joint, the checks of its gear, and its assessed candidates.
 
-    The candidates are sorted by nominal torque.
-
     Examples
     --------
     >>> import ssm_planner as ssm
@@ -42,10 +41,14 @@ class JointSizing:
     """
 
     load: JointLoad
+    """Motion and load of the joint."""
     requirement: MotorRequirement
     band: Band
+    """Demands on the drive and their range if its friction is uncertain."""
     gear: tuple[Check, ...]
+    """Checks of the gear or screw."""
     candidates: tuple[MotorVerdict, ...]
+    """Assessments of the candidate motors, in ascending order of their nominal torque."""
     alternatives: tuple[MotorVerdict, ...] = ()
     """Assessments of the joint's alternative motors. They do not affect the verdict."""
 
@@ -77,7 +80,17 @@ class JointSizing:
         }
 
     def requirement_dict(self, confidence: float) -> JsonObject:
-        """Return an entry of `requirements` in the output of `size --json`."""
+        """Return an entry of `requirements` in the output of `size --json`, in SI units.
+
+        The entry `band` contains the range of each demand at the given confidence, or None if the
+        uncertainty of the friction is unknown.
+
+        Parameters
+        ----------
+        confidence
+            Probability with which a demand stays below the upper end of its range, and likewise
+            above the lower end.
+        """
         names: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_effort")
         bands: JsonObject = {
             name: [self.band.low(name, confidence), self.band.high(name, confidence)]
@@ -196,9 +209,18 @@ def size(
 
 
 def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Sizing:
-    """Assess the motors of a robot for a motion that repeats after a pause (s), at 25 °C.
+    """Assess the motors of a robot for one motion that repeats forever, at an ambient of 25 °C.
 
     Joints without a drive are ignored.
+
+    Parameters
+    ----------
+    trajectory
+        The motion.
+    robot
+        Robot with its motors.
+    pause
+        Pause after each repetition, s.
     """
     conditions = Conditions(pause=pause)
     return Sizing(
@@ -210,7 +232,18 @@ def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Siz
 def _size_joint(
     load: JointLoad, candidates: Sequence[Motor] | None, conditions: Conditions
 ) -> JointSizing:
-    """Size one joint. Without candidates, the joint's own motor is assessed."""
+    """Compute the requirements and checks of one joint and assess its candidate motors.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    candidates
+        Candidate motors. With None, the present motor of the joint is assessed, and its alternative
+        motors in addition.
+    conditions
+        Operating conditions.
+    """
     substitutes = load.alternatives if candidates is None else ()
     if candidates is None:
         candidates = [] if load.motor is None else [load.motor]
@@ -242,18 +275,19 @@ BISECTIONS = 16
 
 @frozen
 class WhatIf:
-    """The result of a search for the largest payload or the shortest duration.
-
-    `status` is "found", "never" (the checks fail for every value) or "unlimited" (the checks pass
-    for every value). `value` is a payload in kg or a factor on the duration. It is None unless the
-    status is "found". `joint` and `binds` name the check that fails first beyond this value.
-    """
+    """The result of a search for the largest payload or the shortest duration."""
 
     status: str
+    """Outcome: "found", "never" (a check fails for every value) or "unlimited" (none ever fails).
+    """
     value: float | None
+    """Additional payload in kg, or factor on the duration. None unless the status is "found"."""
     joint: str | None
+    """Joint of the check that fails first beyond this value, or None."""
     binds: str | None
+    """Name of the check that fails first beyond this value, or None."""
     not_checked: tuple[str, ...]
+    """Checks that could not be evaluated, such as "roll: heat"."""
 
     def to_dict(self) -> JsonObject:
         """Return the result as JSON types in SI units."""
@@ -265,8 +299,21 @@ def largest_payload(
 ) -> WhatIf:
     """Find the largest additional point mass at the tip with which every evaluated check passes.
 
-    The additional mass is added to `payload` (kg). `motors` contains motors by joint, which replace
-    those of the robot.
+    Parameters
+    ----------
+    duty
+        Motions of one robot.
+    motors
+        Motors by joint, which replace those of the robot.
+    conditions
+        Operating conditions.
+    payload
+        Point mass that is at the tip already, kg.
+
+    Returns
+    -------
+    WhatIf
+        The largest additional mass, kg. The search ends at `LARGEST_PAYLOAD`.
     """
     empty = duty.loads(payload)
     loaded = duty.loads(payload + 1.0)
@@ -286,6 +333,23 @@ def shortest_duration(
 
     The factor applies to the whole motion. The speed and acceleration limits of the joints are
     ignored.
+
+    Parameters
+    ----------
+    duty
+        Motions of one robot.
+    motors
+        Motors by joint, which replace those of the robot.
+    conditions
+        Operating conditions.
+    payload
+        Point mass at the tip, kg.
+
+    Returns
+    -------
+    WhatIf
+        The smallest factor. The search covers factors from `SMALLEST_DURATION_FACTOR` to
+        `LARGEST_DURATION_FACTOR`.
     """
 
     loads = duty.loads(payload)
@@ -314,7 +378,23 @@ class _SmallestMargin:
 def _find_smallest_margin(
     loads: Sequence[JointLoad], motors: Mapping[str, Motor], conditions: Conditions
 ) -> _SmallestMargin:
-    """Return the smallest margin of all checks, and the names of checks without a margin."""
+    """Assess all loads and return the smallest margin of their checks.
+
+    Parameters
+    ----------
+    loads
+        Loads of the joints.
+    motors
+        Motors by joint, which replace those of the robot.
+    conditions
+        Operating conditions.
+
+    Returns
+    -------
+    _SmallestMargin
+        The smallest margin, its joint and check, and the checks without a margin. The check of the
+        confidence is excluded.
+    """
     smallest: tuple[float, str | None, str | None] = (float("inf"), None, None)
     missing = []
     for load in loads:
@@ -337,8 +417,22 @@ def _search_largest(
     """Find the largest value with which no margin is negative.
 
     The margins are assumed to decrease as the value increases. The search doubles or halves the
-    value from `start`, and then bisects. The status is "never" if a margin is negative at `lower`,
-    and "unlimited" if no margin is negative at `upper`.
+    value until the smallest margin changes its sign, and then bisects.
+
+    Parameters
+    ----------
+    judge
+        Function that returns the smallest margin for a value.
+    start
+        First value.
+    upper, lower
+        Ends of the search. The status is "never" if a margin is negative at `lower`, and
+        "unlimited" if no margin is negative at `upper`.
+
+    Returns
+    -------
+    WhatIf
+        The value, and the check that fails just above it.
     """
     judgement = failed = judge(start)
     low = high = start

@@ -34,7 +34,7 @@ INSTANTS = 201
 ERROR_DRAWS = 4000
 """Number of draws of the errors."""
 BOUND_QUANTILE = 0.995
-"""Share of the draws below the bound. The bound holds with 99 %, since the draws are finite."""
+"""Fraction of the draws below the bound. The bound holds with 99 %, since the draws are finite."""
 NEEDED_FIGURES = ("backlash", "homing_error", "tracking_error", "stiffness")
 """Figures of a joint in the robot file that the tip error needs."""
 
@@ -72,10 +72,12 @@ class TipError:
     """
 
     stated: float
+    """Error of the tip that the stated figures cause, m. It is smaller with a probability of 99 %.
+    """
     stated_angle: float
-    """Error of the tip in m, and of the direction in rad, that the stated figures cause.
+    """Error of the direction of the tool that the stated figures cause, rad.
 
-    The errors are smaller with a probability of 99 %.
+    It is smaller with a probability of 99 %.
     """
     sources: tuple[ErrorSource, ...]
     """All stated errors, the largest first."""
@@ -114,12 +116,20 @@ class TipError:
 def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
     """Compute the bound on the tip error of a motion.
 
+    The errors of the joints are drawn at random and converted by the Jacobian of the tip, as the
+    text at the top of this module describes.
+
     Parameters
     ----------
     trajectory : Trajectory
         The motion.
     robot : Robot
         Robot with the errors of its joints.
+
+    Returns
+    -------
+    TipError
+        Bound, contribution of each error, and figures that are missing.
     """
     times = np.linspace(trajectory.breaks[0], trajectory.breaks[-1], INSTANTS)
     samples = trajectory.sample(times)
@@ -160,16 +170,21 @@ def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
 
 
 def _error_quantile(rows: Array, deflections: Array, draws: Array) -> float:
-    """Return the quantile of the largest error over the motion, m or rad.
+    """Compute the quantile, over all draws, of the largest error during the motion.
 
     Parameters
     ----------
     rows : (instants, 3, 4) array
         Rows of the Jacobians for the position or for the direction.
     deflections : (instants, 4) array
-        Deflections of the joints.
+        Deflections of the joints under load, rad and m.
     draws : (4, draws) array
-        Other errors of the joints.
+        Sum of the random errors of each joint, rad and m.
+
+    Returns
+    -------
+    float
+        Quantile `BOUND_QUANTILE` of the norm of the error, m or rad.
     """
     largest = np.zeros(draws.shape[1])
     for row, deflection in zip(rows, deflections, strict=True):
