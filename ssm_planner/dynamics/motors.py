@@ -1,4 +1,10 @@
-"""Compute direction, torque and effort of every drive in a motion, by the exact friction law."""
+"""Compute direction, torque and effort of every drive in a motion, by the exact friction law.
+
+`motor_motion` evaluates sampled motions, and `motor_torque_symbolic` gives the same quantities as
+CasADi expressions. Friction opposes the motion, so both need the direction in which each joint
+moves, or starts to move, from `motion_directions`. The effort in the mesh is the torque or force
+between the two sliding parts of a drive, such as worm and wheel, on the output side.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -18,7 +24,7 @@ from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Expression, record
 
 REST_FRACTION = 1e-9
-"""Share of the velocity limit below which a joint counts as resting."""
+"""Fraction of the velocity limit below which a joint counts as resting."""
 
 
 def motorised_joints(joints: Sequence[Joint]) -> Iterator[tuple[int, Drive, Motor]]:
@@ -36,10 +42,18 @@ def joints_without_motor(joints: Sequence[Joint]) -> list[int]:
 
 @record
 class MotorMotion:
-    """Motion of the motor shafts, with one column for each joint, (n, 4).
+    """Motion of the motor shafts at n instants, with one column for each joint.
 
-    The arrays contain angle, speed and acceleration of the motor in rad and s, motor torque in N·m,
-    and mesh effort in N·m or N. Columns of joints without a drive are NaN.
+    Columns of joints without a drive are NaN.
+
+    Attributes
+    ----------
+    angle, speed, acceleration : (n, 4) arrays
+        Angle (rad), speed (rad/s) and acceleration (rad/s²) of the motor.
+    torque : (n, 4) array
+        Motor torque, N·m.
+    effort : (n, 4) array
+        Effort in the mesh, N·m, or N for a sliding joint.
     """
 
     angle: Array
@@ -52,7 +66,7 @@ class MotorMotion:
 def motor_motion(
     robot: Robot, body: RigidBody, samples: Samples, direction: Array, breakaway: Array
 ) -> MotorMotion:
-    """Return the motion of the motors for n samples of a joint motion.
+    """Compute the motion and the torque of every motor for n samples of a joint motion.
 
     Parameters
     ----------
@@ -66,7 +80,12 @@ def motor_motion(
         Direction of each joint, +1 or −1, or 0 for a joint that rests while its drive holds it.
         See `motion_directions`.
     breakaway : (n, 4) bool
-        Whether the joint starts to move, so that the static friction coefficient applies.
+        True where the joint starts to move, so that the static friction coefficient applies.
+
+    Returns
+    -------
+    MotorMotion
+        Angle, speed, acceleration and torque of each motor, and the effort in its mesh.
     """
     tau = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
     ratio = np.array(
@@ -86,11 +105,24 @@ def motor_motion(
 def motor_torque_symbolic(
     robot: Robot, q: ca.SX, qd: ca.SX, qdd: ca.SX, direction: ca.SX, breakaway: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return joint efforts, motor torques and mesh efforts, each (4,), as CasADi expressions.
+    """Build CasADi expressions of the motor torques of a robot.
 
-    Torques and efforts of joints without a drive are 0. `direction` (4,) is +1, −1, or 0 for a
-    joint that rests while its drive holds it. `breakaway` (4,) is 1 for a joint that starts to
-    move.
+    Parameters
+    ----------
+    robot : Robot
+        Robot with its drives.
+    q, qd, qdd : (4,)
+        Joint positions, velocities and accelerations (rad, m and s).
+    direction : (4,)
+        Direction of each joint, +1 or −1, or 0 for a joint that rests while its drive holds it.
+    breakaway : (4,)
+        1 for a joint that starts to move, so that the static friction coefficient applies, else 0.
+
+    Returns
+    -------
+    tau, torque, effort : (4,)
+        Efforts of the rigid bodies (N·m, N), motor torques (N·m) and efforts in the mesh (N·m, N).
+        Torques and mesh efforts of joints without a drive are 0.
     """
     tau = RigidBody.from_robot(robot).symbolic(q, qd, qdd)
     torque = ca.SX.zeros(4)
@@ -113,7 +145,7 @@ def drive_torque(
     *,
     breakaway: Expression,
 ) -> tuple[Expression, Expression]:
-    """Return the motor torque and the mesh effort of one drive.
+    """Compute the motor torque and the mesh effort of one drive.
 
     Parameters
     ----------
@@ -124,7 +156,12 @@ def drive_torque(
     direction : array or expression
         +1, −1, or 0 for a drive that holds.
     breakaway : array or expression
-        Whether the drive starts to move.
+        True or 1 where the drive starts to move, so that the static friction coefficient applies.
+
+    Returns
+    -------
+    torque, effort : array or expression with the shape of qd
+        Motor torque (N·m), and effort in the mesh (N·m or N).
     """
     friction = required_friction(drive)
     w = drive.ratio * qd
@@ -136,9 +173,24 @@ def drive_torque(
 
 
 def motion_directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]:
-    """Return the direction of motion of every joint, and whether it starts from rest, each (n, 4).
+    """Determine in which direction every joint moves, and whether it starts from rest.
 
-    `side` selects the instant after (+1) or before (−1) each sample, see `joint_direction`.
+    Parameters
+    ----------
+    robot : Robot
+        Robot with the limits of its joints.
+    samples : Samples
+        Motion at n instants.
+    side : int
+        For joints at rest, +1 selects the instant just after each sample, and −1 the instant just
+        before it, see `joint_direction`.
+
+    Returns
+    -------
+    direction : (n, 4) array
+        +1, −1, or 0 for a joint that does not move.
+    breakaway : (n, 4) array
+        True or 1 where the joint is at rest and starts.
     """
     direction = []
     breakaway = []
@@ -153,7 +205,24 @@ def motion_directions(robot: Robot, samples: Samples, side: int) -> tuple[Array,
 def motion_directions_symbolic(
     robot: Robot, qd: ca.SX, qdd: ca.SX, qddd: ca.SX, side: int
 ) -> tuple[ca.SX, ca.SX]:
-    """Return direction and breakaway, each (4,), as CasADi expressions. See `joint_direction`."""
+    """Build CasADi expressions of the direction of every joint and of whether it starts from rest.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with the limits of its joints.
+    qd, qdd, qddd : (4,)
+        Joint velocities, accelerations and jerks (rad, m and s).
+    side : int
+        For joints at rest, +1 selects the instant just after, and −1 the one just before, see
+        `joint_direction`.
+
+    Returns
+    -------
+    direction, breakaway : (4,)
+        +1, −1, or 0 for a joint that does not move, and 1 for a joint that starts from rest, else
+        0.
+    """
     direction = ca.SX.zeros(4)
     breakaway = ca.SX.zeros(4)
     for i, joint in enumerate(robot.joints):

@@ -1,7 +1,9 @@
 """Compute mass, centre of mass and inertia of arcs, rods, boxes and points in closed form.
 
-Each solid contributes the integrals of 1, r and r·rᵀ, multiplied by its density. The integrals of
-several solids are added. The inertia is tr(S)·1 − S for the second moment S.
+Each solid contributes the integrals of 1, r and r·rᵀ over its volume, multiplied by its density,
+where r is the position. They are the mass, the first moment and the second moment S. The moments of
+several solids are added. The inertia tensor about the origin is tr(S)·1 − S, with the trace tr(S)
+and the identity matrix 1.
 """
 
 import math
@@ -13,9 +15,16 @@ from ssm_planner.typing import Array, record
 
 @record
 class MassMoments:
-    """Mass (kg), first moment ∫r dm (3,) (kg·m) and second moment ∫r·rᵀ dm (3, 3) (kg·m²).
+    """Mass, first moment and second moment of solids, with respect to the origin.
 
-    The moments refer to the origin.
+    Attributes
+    ----------
+    mass : float
+        Mass, kg.
+    first : (3,) array
+        First moment ∫r dm with the position r, kg·m.
+    second : (3, 3) array
+        Second moment ∫r·rᵀ dm, kg·m².
     """
 
     mass: float
@@ -23,6 +32,7 @@ class MassMoments:
     second: Array
 
     def __add__(self, moments: "MassMoments") -> "MassMoments":
+        """Return the moments of both groups of solids together."""
         return MassMoments(
             self.mass + moments.mass, self.first + moments.first, self.second + moments.second
         )
@@ -48,7 +58,7 @@ def point_moments(mass: float, position: Array) -> MassMoments:
 
 
 def box_moments(mass: float, position: Array, size: Array) -> MassMoments:
-    """Return the moments of a box.
+    """Return the moments of a box about the origin.
 
     Parameters
     ----------
@@ -57,16 +67,23 @@ def box_moments(mass: float, position: Array, size: Array) -> MassMoments:
     position : (3,)
         Centre of the box, m.
     size : (3,)
-        Lengths along the axes, m.
+        Lengths of the edges, which are parallel to the axes, m.
     """
     moments = point_moments(mass, position)
     return MassMoments(mass, moments.first, moments.second + mass / 12 * np.diag(np.square(size)))
 
 
 def rod_moments(start: Array, end: Array, diameter: float, density: float) -> MassMoments:
-    """Return the moments of a round rod between two points `start` and `end` (3,), m.
+    """Return the moments of a straight round rod about the origin.
 
-    The diameter is in m and the density in kg/m³.
+    Parameters
+    ----------
+    start, end : (3,)
+        Ends of the centre line, m.
+    diameter : float
+        Diameter, m.
+    density : float
+        Density, kg/m³.
     """
     vector = end - start
     length = float(np.linalg.norm(vector))
@@ -80,7 +97,10 @@ def rod_moments(start: Array, end: Array, diameter: float, density: float) -> Ma
 def arc_moments(
     start: Array, end: Array, radius: float, section: tuple[float, float], density: float
 ) -> MassMoments:
-    """Return the moments of a curved bar about the origin.
+    """Return the moments of a bar with a rectangular section that is curved around the origin.
+
+    The moments are integrated exactly in a frame with its x axis towards `start` and its z axis
+    across the plane of the arc.
 
     Parameters
     ----------

@@ -2,7 +2,8 @@
 
 There are two kinds of uncertainty. The posterior or covariance of an identification is statistical.
 A stated range (lubrication, temperature, wear) is a requirement: a motion must be possible at every
-corner of the range. A parameter with a stated range is removed from the statistics.
+corner of the ranges, that is, at every combination of their ends. A parameter with a stated range
+is removed from the statistics. The main entry, `friction_spread`, reads both from a drive.
 """
 
 import itertools
@@ -28,7 +29,8 @@ from ssm_planner.typing import Array, Arrays, Range, record
 LINEARISED_DRAWS = 20_000
 """Number of draws for quantities that are cheap to evaluate."""
 SPREAD_PARAMETERS = ("mu", "b_c", "b_v", "b_oc", "b_ov")
-"""Parameters to which a stated relative spread applies."""
+"""Parameters to which a stated relative range applies: friction coefficient and bearing friction.
+"""
 RANDOM_SEED = 20_210_521
 """Seed of the random numbers. With a fixed seed, equal calls give equal results."""
 
@@ -37,18 +39,21 @@ RANDOM_SEED = 20_210_521
 class FrictionSpread:
     """Distribution of the friction parameters of a drive, in SI units.
 
-    The parameters `names` (k,) have the means `mean` (k,) and the covariance (k, k). Other
-    parameters have an interval in `ranges`.
+    The k parameters `names` have a statistical distribution. Other parameters have a stated range
+    or are certain.
     """
 
     names: tuple[str, ...] = ()
     mean: Array = field(default_factory=lambda: np.zeros(0))
+    """Means (k,) of the parameters `names`."""
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """Covariance (k, k) of the parameters `names`."""
     ranges: Mapping[str, Range] = field(default_factory=dict)
+    """Smallest and largest value of each parameter with a stated range."""
     posterior: Posterior | None = None
-    """Equally likely parameter sets, which replace mean and covariance."""
+    """Equally likely sets of parameter values, from which draws are taken if they are known."""
     inertia: Range | None = None
-    """Range of the rotor inertia in kg·m² if the motor file does not state it."""
+    """Range of the input inertia of the drive if the inertia of a rotor is not stated, kg·m²."""
     rotors: tuple[str, ...] = ()
     """Descriptions of the rotor inertias that the motor files do not state."""
 
@@ -59,13 +64,17 @@ class FrictionSpread:
 
     @property
     def sigma(self) -> Array:
-        """Standard deviations (k,)."""
+        """Standard deviations (k,) of the parameters `names`."""
         return np.sqrt(np.diag(self.covariance))
 
     def corners(self) -> tuple[dict[str, float], ...]:
-        """Combinations of the ends of all ranges.
+        """Return all combinations of the ends of the ranges, including that of the inertia.
 
-        Without ranges, there is one empty combination.
+        Returns
+        -------
+        tuple of dict
+            Values by parameter for each combination. Without ranges, there is one empty
+            combination.
         """
         ranges = dict(self.ranges)
         if self.inertia is not None:
@@ -74,10 +83,22 @@ class FrictionSpread:
         return tuple(dict(zip(ranges, ends, strict=True)) for ends in combinations)
 
     def deviations(self, count: int) -> Array:
-        """Return deterministic draws (count, k) of the uncertain parameters minus their means.
+        """Draw deviations of the uncertain parameters from their means.
 
-        For a covariance, the draws follow a log-normal distribution with the same means and
-        covariance, because friction is not negative.
+        Equal calls give equal draws. With a posterior, the draws are its sets of values, which are
+        repeated cyclically if more are needed. With a covariance, the draws follow a log-normal
+        distribution with the same means and covariance, because friction is not negative.
+
+        Parameters
+        ----------
+        count : int
+            Number of draws.
+
+        Returns
+        -------
+        (count, k) array
+            Deviations in the order of `names`. The shape is (1, 0) if no parameter has a
+            distribution.
         """
         if not self.names:
             return np.zeros((1, 0))
@@ -93,14 +114,36 @@ class FrictionSpread:
         return self.mean * (factors - 1.0)
 
     def values(self, deviations: Array) -> Arrays:
-        """Return the parameters by name, each (count,), for deviations (count, k)."""
+        """Return the values of the uncertain parameters for given deviations from their means.
+
+        Parameters
+        ----------
+        deviations : (count, k) array
+            Deviations in the order of `names`.
+
+        Returns
+        -------
+        dict of (count,) arrays
+            Values by parameter.
+        """
         return {name: self.mean[i] + deviations[:, i] for i, name in enumerate(self.names)}
 
     def within(self, share: float) -> Arrays:
-        """Return parameter sets by name, each (sets,), that represent a confidence region.
+        """Return sets of parameter values that represent a confidence region.
 
-        The sets are the fraction `share` of the draws that is nearest to the mean by Mahalanobis
-        distance, combined with the ends of the ranges. Without a posterior, 1000 draws are made.
+        The draws are sorted by their distance from the mean, scaled by their covariance
+        (Mahalanobis distance). The nearest ones are combined with all combinations of the ends of
+        the ranges. Without a posterior, 1000 draws are made.
+
+        Parameters
+        ----------
+        share : float
+            Fraction of the draws that the region contains, from 0 to 1.
+
+        Returns
+        -------
+        dict of (sets,) arrays
+            Values by parameter.
         """
         deviations = self.deviations(1000 if self.posterior is None else len(self.posterior.draws))
         if self.names:
@@ -117,13 +160,26 @@ class FrictionSpread:
         return sets
 
     def draws(self, name: str) -> Array:
-        """Return the draws (draws,) of the parameter `name`."""
+        """Return `LINEARISED_DRAWS` random values (draws,) of the uncertain parameter `name`."""
         return self.values(self.deviations(LINEARISED_DRAWS))[name]
 
     def mu_ends(self, drive: Drive, confidence: float) -> Range:
         """Return the smallest and the largest plausible kinetic friction coefficient.
 
-        They follow from the drive file, the ranges, and the quantile `confidence` of the draws.
+        They are the extremes of the stated values `mu` and `mu_lowest`, of the stated range, and of
+        the quantiles of the draws.
+
+        Parameters
+        ----------
+        drive : Drive
+            Drive with its friction.
+        confidence : float
+            The draws contribute the quantiles 1 − confidence and confidence.
+
+        Returns
+        -------
+        lowest, highest : float
+            Friction coefficients.
         """
         friction = required_friction(drive)
         lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
@@ -171,7 +227,19 @@ def friction_spread(drive: Drive, relative: float | None = None) -> FrictionSpre
 
 
 def _posterior_spread(drive: Drive, posterior: Posterior) -> FrictionSpread:
-    """Return the spread of a posterior. Parameters with a stated range are removed from it."""
+    """Return the uncertainty that the posterior of an identification describes.
+
+    Parameters with a stated range are removed from the posterior. The offset of the load is not a
+    friction parameter and is removed as well. The means are the values in the drive file, and the
+    covariance is that of the sets of the posterior.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction and stated ranges.
+    posterior : Posterior
+        Equally likely sets of parameter values.
+    """
     ranges = dict(drive.friction_ranges)
     names = tuple(name for name in posterior.names if name != LOAD_OFFSET and name not in ranges)
     mean = np.array([_nominal_value(drive, name, posterior) for name in names])
@@ -181,9 +249,24 @@ def _posterior_spread(drive: Drive, posterior: Posterior) -> FrictionSpread:
 
 
 def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array:
-    """Return the covariance (k, k) in a table with a row for each parameter.
+    """Convert the covariance of a drive file to a matrix and check it.
 
-    Raises ProblemError for an unknown parameter, a missing entry or an invalid matrix.
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its file, which an error names.
+    table : mapping of mapping of float
+        One row for each of k parameters, with the covariances by parameter.
+
+    Returns
+    -------
+    (k, k) array
+        Covariance in the order of the rows.
+
+    Raises
+    ------
+    ProblemError
+        If a parameter is unknown, an entry is missing, or the matrix is not a covariance.
     """
     names = tuple(table)
     unknown = [name for name in names if name not in UNCERTAIN_PARAMETERS]
@@ -203,8 +286,21 @@ def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array
 def drive_with_values(drive: Drive, values: Mapping[str, Any]) -> Drive:
     """Return the drive with other friction parameters, preload or input inertia.
 
-    Arrays (count, 1) represent many drives at once. The value LAW is the index of the friction law.
-    The static coefficient keeps its ratio to the kinetic one unless it is among the values.
+    The static friction coefficient keeps its ratio to the kinetic one unless it is among the
+    values.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    values : mapping
+        Values by parameter. Arrays (count, 1) represent many drives at once. The value of LAW is
+        the index of the friction law in `FRICTION_LAWS`.
+
+    Returns
+    -------
+    Drive
+        Drive whose values are not checked.
     """
     drive_values = {name: values[name] for name in ("preload", "input_inertia") if name in values}
     friction = {name: value for name, value in values.items() if name not in drive_values}
@@ -222,9 +318,10 @@ def drive_with_values(drive: Drive, values: Mapping[str, Any]) -> Drive:
 
 
 def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
-    """Return the drive's value of a parameter.
+    """Return the value of an uncertain parameter in the drive file.
 
-    For a parameter that its law does not use, the result is the median of the posterior.
+    The drive file has no Stribeck speed if its friction law does not use one. In this case, the
+    result is the median of the posterior. The value of LAW is the index of the friction law.
     """
     friction = required_friction(drive)
     if name == LAW_COLUMN:
@@ -234,7 +331,13 @@ def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
 
 
 def _parameter_value(drive: Drive, name: str) -> float:
-    """Return the drive's value of a parameter. Raises ProblemError if it is missing."""
+    """Return the preload or a friction parameter of a drive.
+
+    Raises
+    ------
+    ProblemError
+        If the drive file does not state the parameter.
+    """
     value = drive.preload if name == "preload" else getattr(required_friction(drive), name)
     if value is None:
         raise _covariance_error(drive, f"the friction lacks {name}")
@@ -242,7 +345,21 @@ def _parameter_value(drive: Drive, name: str) -> float:
 
 
 def _check_covariance(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
-    """Raise ProblemError unless the matrix (k, k) is a covariance."""
+    """Raise ProblemError unless a matrix is a covariance.
+
+    A covariance is finite and symmetric, and has no negative variance or eigenvalue. Both tests use
+    the matrix that is scaled to unit variances, so that the units of the parameters do not matter,
+    and tolerate the rounding of the numbers in a file.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its file, which the error names.
+    names : tuple of str
+        Names of the k parameters.
+    covariance : (k, k) array
+        The matrix.
+    """
     if not names:
         return
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
