@@ -1,7 +1,9 @@
 """Evaluate the rigid-body dynamics of the four bodies: τ = M(q) q̈ + C(q, q̇) q̇ + g(q).
 
-All symbolic and numeric results come from one Newton–Euler recursion about the remote centre of
-motion (RCM), which is written in CasADi.
+τ are the efforts of the joints, that is, torques of the three revolute joints and the force of the
+sliding joint. M is the mass matrix, C q̇ the Coriolis and centrifugal effort, and g the effort of
+gravity. All symbolic and numeric results come from one Newton–Euler recursion about the remote
+centre of motion (RCM), which is written in CasADi. The main entry is `RigidBody`.
 """
 
 import pickle
@@ -29,23 +31,32 @@ def _newton_euler(
     base: Any,
     motion: tuple[ca.SX, ca.SX, ca.SX],
 ) -> ca.SX:
-    """Return the joint efforts (4,) of a Newton–Euler recursion, with constants or symbols.
+    """Compute the joint efforts of a motion by the Newton–Euler recursion.
 
-    All vectors are in the base frame at q = 0.
+    The arguments can be constants or symbols. Each body has a frame that moves with it, in which
+    its vectors are constant. The origin of all frames is the RCM, through which all three revolute
+    axes pass. Body 4 slides along the third axis and has the frame of body 3.
 
     Parameters
     ----------
     axes : three of (3,)
-        Unit vectors of the revolute axes.
+        Unit vector of each revolute axis in the frame of the body that turns about it.
     rotations : three of (3, 3)
-        Rotations e^{ω̂θ} about the axes.
+        Rotation of the frame of each revolute body relative to that of the previous body (or of the
+        base). It converts vectors from the frame of the body to the previous one.
     bodies : four of (mass, com, inertia)
-        Mass, centre of mass (3,) and inertia about it (3, 3). A body that only rotates may instead
-        have None, its first moment and its inertia about the RCM.
+        Mass, centre of mass (3,) at q = 0 and inertia about it (3, 3) in the frame of the body. A
+        body that only rotates may instead have None, its first moment and its inertia about the
+        RCM.
     base : (3,)
-        Acceleration of the base, −g.
+        Acceleration of the base, which is −g with the acceleration of gravity g.
     motion : three of (4,)
-        Joint positions q, velocities qd and accelerations qdd.
+        Joint positions q, velocities qd and accelerations qdd (rad, m and s).
+
+    Returns
+    -------
+    (4,) expression
+        Efforts of the joints, N·m, and N for the sliding joint.
     """
     q, qd, qdd = motion
     omega = ca.SX.zeros(3)
@@ -133,7 +144,24 @@ def axis_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
 
 
 def load_parameters(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:
-    """Return the numbers of `LOAD_LAYOUT` for a robot, (38,), for gravity (3,) in m/s²."""
+    """Compute the numbers that determine the efforts of a robot, as the vector of `LOAD_LAYOUT`.
+
+    Functions that are compiled once for several robots take these numbers as an argument.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Geometry with the joint axes.
+    bodies : tuple of Body
+        The four bodies.
+    gravity : (3,) array
+        Acceleration of gravity in the base frame, m/s².
+
+    Returns
+    -------
+    (38,) array
+        Numbers in the order of `LOAD_LAYOUT`, in SI units.
+    """
     frames, angles, _ = axis_frames((geometry.omega1, geometry.omega2, geometry.omega3))
     coms = [body.frame @ body.com for body in bodies]
     inertias = [body.frame @ body.inertia @ body.frame.T for body in bodies]
@@ -156,10 +184,20 @@ def load_parameters(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array
 
 
 def efforts_from_parameters(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-    """Return the joint efforts (4,) of `RigidBody.symbolic` with the numbers of `LOAD_LAYOUT`
-    as symbols.
+    """Compute the joint efforts of `RigidBody.symbolic` for a robot that is given by numbers.
 
-    The angle θ2 in `q` must include the offset of `axis_frames`.
+    Parameters
+    ----------
+    inertias : (38,) expression
+        Numbers of the robot in the order of `LOAD_LAYOUT`.
+    q, qd, qdd : (4,) expressions
+        Joint positions, velocities and accelerations (rad, m and s). The second position must
+        include the offset that `axis_frames` returns.
+
+    Returns
+    -------
+    (4,) expression
+        Efforts of the joints, N·m, and N for the sliding joint.
     """
     f = LOAD_LAYOUT.unpack(inertias)
     axis = casadi_constant(np.array([0.0, 0.0, 1.0]))
@@ -176,7 +214,10 @@ def efforts_from_parameters(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) ->
 
 
 def _rotation_about_y(turn: ca.SX) -> ca.SX:
-    """Return the rotation matrix (3, 3) about y. `turn` is the cosine and sine of the angle."""
+    """Return the matrix (3, 3) of a rotation about y.
+
+    `turn` (2,) is the cosine and the sine of the angle.
+    """
     cosine, sine = ca.vertsplit(turn)
     matrix = ca.SX(3, 3)
     matrix[0, 0] = cosine
@@ -188,12 +229,12 @@ def _rotation_about_y(turn: ca.SX) -> ca.SX:
 
 
 def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Array) -> Array:
-    """Return the efforts (n, k, 4) that hold n robots at rest, each in k configurations.
+    """Compute the efforts that hold several robots at rest against gravity.
 
     Parameters
     ----------
     axes : (n, 3, 3)
-        Unit vectors of the revolute joints in rows, in the base frame at q = 0.
+        Unit vectors of the revolute joints of n robots in rows, in the base frame at q = 0.
     masses : (n, 4)
         Masses of the bodies, kg.
     coms : (n, 4, 3)
@@ -201,7 +242,12 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
     gravity : (3,)
         Acceleration of gravity in the base frame, m/s².
     q : (n, k, 4)
-        Joint positions, rad and m.
+        Joint positions in k configurations of each robot, rad and m.
+
+    Returns
+    -------
+    (n, k, 4) array
+        Efforts, N·m, and N for the sliding joint.
     """
     points = q.shape[1]
     robots = np.concatenate([axes.reshape(-1, 9), masses, coms.reshape(-1, 12)], axis=1)
@@ -212,10 +258,18 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
 
 @lru_cache(maxsize=4)
 def _static_load_function(gravity: tuple[float, ...]) -> ca.Function:
-    """Build the function that returns the efforts (4,) that hold a robot at rest.
+    """Build the function that returns the efforts that hold a robot at rest against gravity.
 
-    Its arguments are q (4,) and 25 numbers of the robot, which are axes, masses and centres of
-    mass.
+    Parameters
+    ----------
+    gravity : three floats
+        Acceleration of gravity in the base frame, m/s².
+
+    Returns
+    -------
+    ca.Function
+        Function of q (4,) and of 25 numbers of a robot: its three axes (9 numbers), four masses,
+        and four centres of mass (12 numbers). It returns the efforts (4,).
     """
     q = ca.SX.sym("q", 4)
     robot = ca.SX.sym("robot", 25)
@@ -248,12 +302,24 @@ class RigidBody:
     geometry: Geometry
     bodies: tuple[Body, ...]
     gravity: Array
+    """Acceleration of gravity (3,) in the base frame, m/s²."""
 
     @classmethod
     def from_robot(cls, robot: Robot) -> "RigidBody":
         """Return the dynamics of a robot.
 
-        Equal geometry, bodies and gravity give the same object, so its functions are built once.
+        Robots with equal geometry, bodies and gravity share one object, so that its CasADi
+        functions are built only once.
+
+        Parameters
+        ----------
+        robot : Robot
+            Robot with its geometry, bodies and gravity.
+
+        Returns
+        -------
+        RigidBody
+            Dynamics of the robot. At most 16 different ones are kept.
         """
         global _latest_dynamics
         # Each robot has its own copy of the gravity array.
@@ -328,22 +394,54 @@ class RigidBody:
         return a, b, c
 
     def effort_parts(self, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array, Array]:
-        """Return M(q) q̈, C(q, q̇) q̇ and g(q), each (n, 4). Their sum is the joint effort."""
+        """Compute the three parts of the joint efforts that `inverse_dynamics` adds.
+
+        Parameters
+        ----------
+        q, qd, qdd : (n, 4) array
+            Joint positions q, velocities q̇ and accelerations q̈ (rad, m and s).
+
+        Returns
+        -------
+        inertia, velocity, gravity : (n, 4) arrays
+            M(q) q̈, C(q, q̇) q̇ and g(q) (N·m, and N for the sliding joint).
+        """
         inertia, velocity, gravity = call(self._effort_parts, q, qd, qdd)
         return inertia, velocity, gravity
 
     def mass_matrix(self, q: Array) -> Array:
-        """Return the symmetric mass matrix M(q) (n, 4, 4) for q (n, 4)."""
+        """Compute the symmetric mass matrix M(q), which relates accelerations to efforts.
+
+        Parameters
+        ----------
+        q : (n, 4) array
+            Joint positions (rad and m).
+
+        Returns
+        -------
+        (n, 4, 4) array
+            Mass matrices (kg·m², kg·m and kg).
+        """
         return call(self._mass_matrix, q)[0].reshape(-1, 4, 4)
 
     def symbolic(self, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-        """Return the joint efforts (4,) in N·m and N that produce qdd at (q, qd), rad and m.
+        """Build CasADi expressions of the joint efforts that produce a given motion.
 
         The recursion is Newton–Euler with moments about the RCM (Murray, Li, Sastry, ch. 4). All
         three revolute axes pass through the origin, so bodies 1 to 3 only rotate. Body 4 slides
-        along ω3. Each body has a frame that moves with it and equals the base frame at q = 0. In
-        this frame, axes, centres of mass and inertias are constant. Gravity enters as an
-        acceleration −g of the base.
+        along ω3, the third axis. Each body has a frame that moves with it and equals the base frame
+        at q = 0. In this frame, axes, centres of mass and inertias are constant. Gravity enters as
+        an acceleration −g of the base.
+
+        Parameters
+        ----------
+        q, qd, qdd : (4,) expressions
+            Joint positions, velocities and accelerations (rad, m and s).
+
+        Returns
+        -------
+        (4,) expression
+            Efforts of the joints, N·m, and N for the sliding joint.
         """
         omegas = self.geometry.axes[:3]
         axes = [casadi_constant(omega) for omega in omegas]
@@ -374,10 +472,19 @@ class RigidBody:
         return self._split("parts", along_path=False)
 
     def _split(self, name: str, *, along_path: bool) -> ca.Function:
-        """Build the function of the efforts of two motions without gravity, and of gravity.
+        """Build a function that divides the joint efforts into three parts.
 
-        Its arguments are q and two derivatives of q, with respect to the path if `along_path` is
-        true, and otherwise with respect to time.
+        `path_load` and `effort_parts` call it. The first two parts are the efforts of two motions
+        minus the effort of gravity, and the third part is the effort of gravity.
+
+        Parameters
+        ----------
+        name : str
+            Name of the function.
+        along_path : bool
+            True for the parts of `path_load`, whose arguments are q and its derivatives with
+            respect to the path. False for those of `effort_parts`, whose arguments are q and its
+            time derivatives.
         """
         q = ca.SX.sym("q", 4)
         dq = ca.SX.sym("first", 4)
@@ -403,19 +510,32 @@ class RigidBody:
 
 
 _latest_dynamics: tuple[tuple[Any, ...], bytes, RigidBody] | None = None
-"""Geometry and bodies, gravity, and dynamics of the robot for which they were last requested."""
+"""Geometry and bodies, gravity, and dynamics of the robot whose dynamics were last requested."""
 
 
 @lru_cache(maxsize=16)
 def _cached_dynamics(content: bytes) -> RigidBody:
-    """Build the dynamics from pickled fields, or return the cached one."""
+    """Build the dynamics from pickled geometry, bodies and gravity, or return an earlier result."""
     return RigidBody(*pickle.loads(content))
 
 
 def with_payload(robot: Robot, mass: float) -> Robot:
-    """Return the robot with a point mass (kg) at the tool tip, the origin of the last body's frame.
+    """Return the robot with a point mass at the tool tip.
 
-    Raises ProblemError if the mass is not allowed.
+    The tool tip is the origin of the frame of the last body, so its inertia about the origin stays
+    the same and only its mass and centre of mass change.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot without the payload.
+    mass : float
+        Mass of the payload, kg.
+
+    Raises
+    ------
+    ProblemError
+        If the mass is negative or not a number.
     """
     if mass == 0.0:
         return robot

@@ -1,13 +1,19 @@
 """Evaluate the exact torque law of self-locking transmissions.
 
-Source: Mablekos-Alexiou, da Cruz, Bergeles, IEEE T-RO 37(4), 2021. With the motor angle w = ratio·q
-and all torques on the motor side:
+Source: Mablekos-Alexiou, da Cruz, Bergeles, IEEE T-RO 37(4), 2021. With the motor speed
+w = ratio·q̇, the motor acceleration wd = ratio·q̈ and the effort F that the mesh carries on the
+output side (`output_effort`), the motor torque is
 
     tau = J_in·wd + b_c·sgn(w) + b_v·w + γ·tan(λ + sgn(F·w)·φ)·F,    φ = atan(μ / cos θ_n)
 
+J_in is the inertia on the motor shaft, b_c and b_v are the Coulomb and the viscous friction of its
+bearings, γ is the lever arm of the mesh, λ the lead angle, φ the friction angle, μ the friction
+coefficient, and θ_n the pressure angle of the thread in its normal section. The mesh is the pair of
+sliding parts, such as worm and wheel or screw and nut.
+
 An antibacklash screw has two half nuts that a preload P pushes apart. The main nut carries F − P <
-0, and the second nut carries P + m₂·qdd > 0. The direction of motion alone therefore selects the
-branch of each nut.
+0, and the second nut, whose mass is m₂, carries P + m₂·q̈ > 0. The direction of motion alone
+therefore selects the branch of each nut, that is, the sign before φ.
 
 Direct drives, gears, belts, cables and ball screws have efficiencies η₊ and η₋ instead of a thread.
 The motor supplies F/(ratio·η₊) while the load opposes the motion, and receives η₋·F/ratio while the
@@ -15,14 +21,14 @@ load drives it. A thread with a lead angle of 45° has the same two slopes
 (`thread_from_efficiencies`), so the same equations apply to all drives.
 
 A gear stage between motor and drive multiplies the torque of the mesh by 1/(ratio·efficiency) while
-that torque opposes the motion, and by efficiency_back/ratio while it drives the motor. Inertia and
+that torque opposes the motion, and by backward_efficiency/ratio while it drives the motor. Inertia and
 bearing friction act on the motor shaft.
 
-The law is piecewise linear in the acceleration. The motor accelerates the inertia
-`effective_inertia(...)[0]` while the load opposes the motion, and `effective_inertia(...)[1]` while
-the load drives it. Friction can make the second inertia negative if the inertia of the load is
-large (J_in·ratio < γ·|tan(λ − φ)|·M). The motion of a rigid drive with such a load is not unique:
-it may continue or jam at once.
+The law is piecewise linear in the acceleration. The motor accelerates the first inertia that
+`effective_inertia` returns while the load opposes the motion, and the second one while the load
+drives it. Friction can make the second inertia negative if the inertia M of the load is large
+(J_in·ratio < γ·|tan(λ − φ)|·M). The motion of a rigid drive with such a load is not unique: it may
+continue or jam at once.
 """
 
 import math
@@ -98,11 +104,25 @@ def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Express
 def thread_from_efficiencies(
     ratio: float, forwards: float, backwards: float
 ) -> tuple[float, float]:
-    """Return γ and μ of the thread that has the same efficiencies as a gear.
+    """Compute the lever arm γ and the friction coefficient μ of a thread that replaces a gear.
 
-    Its slopes are 1/(ratio·forwards) and backwards/ratio, where `forwards` and `backwards` are
-    efficiencies in (0, 1]. The thread has λ = 45° and θ_n = 0, so its slopes are γ·(1 + μ)/(1 − μ)
-    and γ·(1 − μ)/(1 + μ). Their product is γ², and their quotient is ((1 + μ)/(1 − μ))².
+    The thread has the lead angle λ = 45° and the pressure angle θ_n = 0, so its motor torque per
+    output effort is γ·(1 + μ)/(1 − μ) for an opposing load and γ·(1 − μ)/(1 + μ) for a driving
+    load. For the gear, these slopes are 1/(ratio·forwards) and backwards/ratio. The result makes
+    both equal: the product of the slopes of the thread is γ², and their quotient is ((1 + μ)/(1 −
+    μ))².
+
+    Parameters
+    ----------
+    ratio : float
+        Motor speed divided by joint speed (rad/rad or rad/m).
+    forwards, backwards : float
+        Efficiencies in (0, 1] while the motor drives the load, and while the load drives the motor.
+
+    Returns
+    -------
+    gamma, mu : float
+        Lever arm γ and friction coefficient μ.
     """
     root = math.sqrt(forwards * backwards)
     return math.sqrt(backwards / forwards) / ratio, (1.0 - root) / (1.0 + root)
@@ -147,22 +167,36 @@ def output_effort(
 class TorqueRows:
     """Motor torque in one direction of motion, as two linear functions of F, wd and w.
 
-    The functions are tau_k = slope[k]·F + inertia·wd + coulomb + viscous·w. The torque is exactly
+    F is the effort in the mesh, and wd and w are acceleration and speed of the motor. The functions
+    are tau_k = slope[k]·F + inertia·wd + coulomb + viscous·w for k = 0 and 1. The torque is exactly
     max_k tau_k for the direction +1 and min_k tau_k for −1. A torque limit in the direction of
-    motion therefore consists of two linear rows. For the limit in the other direction, either row
-    suffices.
+    motion therefore consists of two linear inequalities, called rows. For the limit in the other
+    direction, either row suffices.
     """
 
     slope: tuple[Expression, Expression]
     """Two coefficients of F, each with the shape of mu."""
     inertia: Expression
+    """Inertia at constant effort, kg·m². It includes the second nut of an antibacklash screw."""
     coulomb: Expression
+    """Torque that depends on the direction alone, N·m."""
     viscous: float
+    """Viscous friction coefficient b_v of the bearings, N·m·s/rad."""
 
     def torque(self, carried: Expression, w: Expression, wd: Expression) -> Expression:
-        """Return the motor torque in N·m at the motor speed w (rad/s) and acceleration wd (rad/s²).
+        """Compute the motor torque of one row.
 
-        The torque `carried` in N·m is that of the mesh, slope[k]·F.
+        Parameters
+        ----------
+        carried : float, array or expression
+            Torque of the mesh, slope[k]·F, N·m.
+        w, wd : float, array or expression
+            Motor speed (rad/s) and acceleration (rad/s²).
+
+        Returns
+        -------
+        float, array or expression
+            Torque, N·m.
         """
         return carried + self.inertia * wd + self.coulomb + self.viscous * w
 
@@ -170,10 +204,29 @@ class TorqueRows:
 def motor_torque_rows(
     drive: Drive, direction: Expression, mu: Expression | None = None
 ) -> TorqueRows:
-    """Return the torque rows for motion in `direction` (±1).
+    """Compute the two linear functions whose maximum or minimum is the motor torque.
 
-    The friction coefficient `mu` is by default the kinetic one, `friction.mu`. The torque grows
-    with μ in the direction of motion, so an upper bound of μ is conservative.
+    The planner uses them as linear limits of the torque. The torque grows with the friction
+    coefficient μ in the direction of motion, so an upper bound of μ is conservative.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    direction : int, array or expression
+        Direction of motion, ±1.
+    mu : float, array or expression, optional
+        Friction coefficient μ of the mesh. The default is the kinetic coefficient `friction.mu`.
+
+    Returns
+    -------
+    TorqueRows
+        Coefficients of both functions.
+
+    Raises
+    ------
+    ValueError
+        If `direction` is an int other than ±1.
     """
     if isinstance(direction, int) and direction not in (1, -1):
         raise ValueError(f"direction must be +1 or −1, not {direction!r}")
@@ -201,9 +254,28 @@ def moving_torque(
     direction: Expression,
     mu: Expression,
 ) -> Expression:
-    """Return the motor torque in N·m of a drive that moves or starts in `direction` (±1).
+    """Compute the motor torque of a drive that moves, or starts to move, in a given direction.
 
-    It is the larger row for +1 and the smaller row for −1.
+    It is the larger of both functions of `TorqueRows` for the direction +1, and the smaller one for
+    −1.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    F : float, array or expression
+        Effort in the mesh, see `output_effort`.
+    w, wd : float, array or expression
+        Motor speed (rad/s) and acceleration (rad/s²).
+    direction : int, array or expression
+        Direction of motion, ±1.
+    mu : float, array or expression
+        Friction coefficient of the mesh.
+
+    Returns
+    -------
+    float, array or expression
+        Torque, N·m.
     """
     rows = motor_torque_rows(drive, direction, mu)
     xp = namespace_of(F, w, wd, direction, mu)
@@ -222,7 +294,7 @@ def motor_torque(
     direction: Expression | None = None,
     mu: Expression | None = None,
 ) -> Expression:
-    """Return the motor torque of the exact law in N·m.
+    """Compute the motor torque of the exact law, which is stated at the top of this module.
 
     Parameters
     ----------
@@ -231,12 +303,18 @@ def motor_torque(
     F : float, array or expression
         Output effort, see `output_effort`.
     w, wd : float, array or expression
-        Motor speed and acceleration in rad/s and rad/s².
+        Motor speed (rad/s) and acceleration (rad/s²).
     direction : optional
         ±1 replaces sgn(w), for example for a drive at standstill that is about to move. With 0 the
         drive holds, and the result is `holding_torque`, which is 0 for a self-locking drive.
     mu : optional
-        Replaces the friction law's μ(|w|), for example by `friction.mu_static` at breakaway.
+        Friction coefficient of the mesh, for example `friction.mu_static` at breakaway. The default
+        is the coefficient of the friction law at the speed w.
+
+    Returns
+    -------
+    float, array or expression
+        Torque, N·m. The arguments broadcast.
     """
     xp = namespace_of(F, w, wd, direction, mu)
     sign = xp.sign(w) if direction is None else direction
@@ -250,10 +328,24 @@ def motor_torque(
 def breakaway_torque(
     drive: Drive, tau_rigid: Expression, direction: Expression, mu: Expression | None = None
 ) -> Expression:
-    """Return the motor torque in N·m at which a drive at rest starts to move in `direction` (±1).
+    """Compute the motor torque at which a drive at rest starts to move in a given direction.
 
-    The effort `tau_rigid` of the load excludes the friction on the output, which is added. The
-    coefficient `mu` is by default mu_static.
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    tau_rigid : float, array or expression
+        Effort of the load without the friction on the output side, which is added (N·m or N).
+    direction : int, array or expression
+        Direction of the start, ±1.
+    mu : optional
+        Friction coefficient of the mesh. The default is the static coefficient
+        `friction.mu_static`.
+
+    Returns
+    -------
+    float, array or expression
+        Torque, N·m.
     """
     F = output_effort(drive, tau_rigid, 0.0, 0.0, direction)
     mu = required_friction(drive).mu_static if mu is None else mu
@@ -261,10 +353,25 @@ def breakaway_torque(
 
 
 def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = None) -> Expression:
-    """Return the smallest motor torque that keeps a drive at rest under the effort tau_rigid.
+    """Compute the motor torque of smallest magnitude that keeps a drive at rest under a load.
 
-    It is 0 for a self-locking drive. A drive stays at rest while the torque lies between the
-    breakaway torques of both directions.
+    A drive stays at rest while the torque lies between the breakaway torques of both directions.
+    For a self-locking drive, 0 lies between them, so the holding torque is 0.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    tau_rigid : float, array or expression
+        Effort of the load (N·m or N).
+    mu : optional
+        Friction coefficient of the mesh. The default is the static coefficient
+        `friction.mu_static`.
+
+    Returns
+    -------
+    float, array or expression
+        Torque, N·m.
     """
     lower = breakaway_torque(drive, tau_rigid, -1, mu)
     upper = breakaway_torque(drive, tau_rigid, 1, mu)
@@ -300,9 +407,9 @@ def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Arra
 def nut_contact_force(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
     """Compute the smaller contact force of the two half nuts of an antibacklash screw.
 
-    With the preload P, the effort F and the mass m₂ and acceleration q̈ of the second nut, the main
-    nut carries P − F and the second nut P + m₂·q̈. If a force is ≤ 0, this nut loses contact, and
-    the torque law does not hold.
+    With the preload P, the effort F, and the mass m₂ and acceleration q̈ of the second nut, the
+    main nut carries P − F and the second nut P + m₂·q̈. If a force is ≤ 0, this nut loses contact,
+    and the torque law does not hold.
 
     Parameters
     ----------
@@ -315,7 +422,7 @@ def nut_contact_force(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
 
     Returns
     -------
-    array
+    array with the broadcast shape
         Contact forces (N). They are infinite for a drive with one nut.
     """
     F = np.asarray(F, dtype=float)
@@ -365,10 +472,12 @@ def motor_acceleration(
     direction: Expression,
     mu: Expression,
 ) -> tuple[Expression, Expression]:
-    """Return the motor acceleration in rad/s² and the mesh effort of a drive that moves.
+    """Compute the acceleration of a moving drive from its motor torque.
 
-    The function solves motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction. The
-    solution is unique if the effective inertia at the largest friction is positive.
+    The function solves motor_torque(F, w, wd) = tau for wd, where the effort F = load +
+    J_out·wd/ratio + friction depends on wd as well. J_out is the inertia of the output side of the
+    drive, and "friction" is that of its bearings. The solution is unique if the effective inertia
+    at the largest friction is positive.
 
     Parameters
     ----------
@@ -381,7 +490,12 @@ def motor_acceleration(
     direction : array or expression
         Direction of motion, ±1.
     mu : array or expression
-        Friction coefficient.
+        Friction coefficient of the mesh.
+
+    Returns
+    -------
+    acceleration, effort : array or expression
+        Motor acceleration wd (rad/s²), and effort F in the mesh (N·m or N).
     """
     rows = motor_torque_rows(drive, direction, mu)
     effort = output_effort(drive, load, w / drive.ratio, 0.0, direction)
