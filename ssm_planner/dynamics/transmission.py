@@ -21,8 +21,8 @@ load drives it. A thread with a lead angle of 45° has the same two slopes
 (`thread_from_efficiencies`), so the same equations apply to all drives.
 
 A gear stage between motor and drive multiplies the torque of the mesh by 1/(ratio·efficiency) while
-that torque opposes the motion, and by backward_efficiency/ratio while it drives the motor. Inertia and
-bearing friction act on the motor shaft.
+that torque opposes the motion, and by backward_efficiency/ratio while it drives the motor. Inertia
+and bearing friction act on the motor shaft.
 
 The law is piecewise linear in the acceleration. The motor accelerates the first inertia that
 `effective_inertia` returns while the load opposes the motion, and the second one while the load

@@ -119,7 +119,11 @@ class MotorVerdict:
         return None if tightest is None else tightest.name
 
     def to_dict(self) -> JsonObject:
-        """Return an entry of `motors` in the output of `size --json`, in SI units."""
+        """Return an entry of `motors` in the output of `size --json`, in SI units.
+
+        `margins` and `checks` contain the checks of the motor and of its gear, and `not_checked`
+        names the data that each open check needs.
+        """
         checks = (*self.checks, *self.gear)
         return {
             "joint": self.joint,
@@ -494,7 +498,22 @@ def extrapolation_notes(joint: str, drive: Drive, peak_speed: float) -> list[str
 
 
 def _assumption_notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
-    """Return remarks on assumptions and on extrapolated friction for the reader of the result."""
+    """Return remarks on assumptions and on extrapolated friction for the reader of the result.
+
+    Parameters
+    ----------
+    load
+        Load of the joint, which gives the largest speed of the motor.
+    motor
+        The motor, whose file may have placeholder figures or lack data.
+    conditions
+        Operating conditions, which may lack the supply voltage or the current limit.
+
+    Returns
+    -------
+    list of str
+        One sentence for each assumption.
+    """
     notes = []
     if motor.placeholder:
         notes.append(f"motor {motor.name}: placeholder figures ({', '.join(motor.placeholders)})")

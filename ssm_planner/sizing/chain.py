@@ -20,7 +20,7 @@ from ssm_planner.typing import record
 
 @record
 class DriveChain:
-    """A drive of a catalogue, with or without a gearhead of a catalogue."""
+    """A drive of a catalogue, alone or behind a gearhead of a catalogue."""
 
     gear: CatalogueEntry[Drive]
     gearhead: CatalogueEntry[Gearhead] | None = None
@@ -32,12 +32,12 @@ class DriveChain:
 
     @property
     def placeholder(self) -> bool:
-        """True if a figure of the chain is a placeholder."""
+        """True if a figure of the gearhead or the drive is a placeholder for an unknown one."""
         in_gearhead = self.gearhead is not None and self.gearhead.of.placeholder
         return in_gearhead or bool(self.gear.of.placeholders)
 
     def load(self, load: JointLoad) -> JointLoad:
-        """Return the load of a joint with this chain instead of its present drive."""
+        """Return a load of a joint with this chain instead of the present drive of the joint."""
         load = replace(load, drive=self.gear.of)
         return load if self.gearhead is None else with_gearhead(load, self.gearhead.of)
 

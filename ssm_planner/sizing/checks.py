@@ -509,6 +509,16 @@ def _self_locking_check(case: JointCase) -> Check:
     The condition is μ > cos θ_n·tan λ, where μ is the friction coefficient, θ_n the pressure angle
     of the thread in its normal section, and λ the lead angle. If the lowest friction is unknown,
     the check is open: it contains only the stated μ and names the data that it needs.
+
+    Parameters
+    ----------
+    case
+        Load of the joint with its drive, and the uncertainty of the friction.
+
+    Returns
+    -------
+    Check
+        Its margin is (μ − limit)/limit at the lowest plausible μ, with the limit cos θ_n·tan λ.
     """
     drive = case.load.drive
     spread = case.spread

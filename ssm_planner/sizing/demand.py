@@ -406,6 +406,16 @@ def select_instants(load: JointLoad) -> JointLoad:
     The selection contains about `MONTE_CARLO_INSTANTS` evenly spaced instants, all jumps of the
     torque, all changes of direction, the 20 largest peaks of the torque, the extremes of
     torque, effort and speed, and the last instant.
+
+    Parameters
+    ----------
+    load
+        Load of a joint at n instants.
+
+    Returns
+    -------
+    JointLoad
+        Load at m ≤ n of these instants, with new weights.
     """
     torque = load.torque()
     size = np.abs(torque)

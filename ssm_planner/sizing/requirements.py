@@ -120,7 +120,10 @@ class MotorRequirement:
         return SimpleNamespace(**{name: getattr(few, name) for name in FIGURE_FIELDS})
 
     def to_dict(self) -> JsonObject:
-        """Return an entry of `motors` in the output of `plan --json`, in SI units."""
+        """Return an entry of `motors` in the output of `plan --json`, in SI units.
+
+        It contains the attributes `RESULT_FIELDS`, and the components of the torque as `split`.
+        """
         return {
             "joint": self.joint,
             "motor": None if self.motor is None else self.motor.name,

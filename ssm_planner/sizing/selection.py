@@ -565,8 +565,9 @@ def _certain_torques(motor: Motor, conditions: Conditions, period: float) -> tup
     # Beyond 700, e^x overflows, and the remaining heat of a period is negligible.
     highest = float(shares @ (x / -np.expm1(-x)))
     lowest = float(shares @ (x / np.expm1(np.minimum(x, 700.0))))
-    # Mean squares at which the coldest instant has each temperature up to the one that corresponds
-    # to a mean at the limit.
+    # Temperature rises of the winding at its coldest instant. At the largest one, the mean
+    # temperature is at the limit, so the peak exceeds it. Each rise needs a certain mean squared
+    # torque. Above the largest of these values, the winding becomes too hot.
     rise = (
         (allowed + TEMPERATURE_MARGIN)
         * lowest

@@ -66,7 +66,11 @@ class JointSizing:
         return None if None in answers or not answers else False
 
     def gear_dict(self) -> JsonObject:
-        """Return an entry of `gears` in the output of `size --json`."""
+        """Return an entry of `gears` in the output of `size --json`, in SI units.
+
+        It contains the verdict on the gear, the check with the smallest margin (`binds`), all
+        margins, and the data that open checks need.
+        """
         tightest = tightest_check(self.gear)
         is_stated = None if self.load.drive.placeholders else True
         return {
@@ -143,7 +147,11 @@ class Sizing:
         return tuple(verdict for joint in self.joints for verdict in joint.alternatives)
 
     def to_dict(self) -> JsonObject:
-        """Return the output of `size --json`, in SI units, radians and kelvin."""
+        """Return the output of `size --json`, in SI units, radians and kelvin.
+
+        The entry `smallest` contains the name of the smallest adequate motor of each joint, or
+        None.
+        """
         smallest = {joint.load.joint: joint.smallest for joint in self.joints}
         return {
             "adequate": self.adequate,

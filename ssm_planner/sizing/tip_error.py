@@ -194,7 +194,23 @@ def _error_quantile(rows: Array, deflections: Array, draws: Array) -> float:
 
 
 def _random_errors(joint: Joint) -> Iterator[tuple[str, float]]:
-    """Yield the name and the largest value of each stated error of a joint, rad or m."""
+    """Yield the name and the largest value of each error of a joint that the robot file states.
+
+    They are the first four errors in the text at the top of this module. The deflection under load
+    is excluded, because the dynamics determine it.
+
+    Parameters
+    ----------
+    joint : Joint
+        Joint with its motor and drive.
+
+    Yields
+    ------
+    name : str
+        Such as "encoder", "backlash" or "homing error".
+    largest : float
+        Largest magnitude of the error, rad or m.
+    """
     motor = joint.motor
     if motor is not None and joint.drive is not None and motor.encoder_known:
         assert motor.increments is not None
@@ -212,7 +228,18 @@ def _random_errors(joint: Joint) -> Iterator[tuple[str, float]]:
 
 
 def _missing_figures(robot: Robot) -> Iterator[str]:
-    """Yield the figures that are missing or are placeholders, such as "roll: backlash"."""
+    """Yield the figures for the tip error that are missing or are placeholders.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with its joints.
+
+    Yields
+    ------
+    str
+        Joint and figure, such as "roll: backlash". A motor without a known encoder gives "encoder".
+    """
     for joint in robot.joints:
         for name in NEEDED_FIGURES:
             if getattr(joint, name) is None:
