@@ -297,7 +297,10 @@ def inertia_about_com(body: Body) -> Array:
 
 @record
 class RigidBody:
-    """Numeric rigid-body dynamics of one robot for many samples at once."""
+    """Numeric rigid-body dynamics of one robot for many samples at once.
+
+    Its CasADi functions are built when they are first used. `from_robot` builds the object.
+    """
 
     geometry: Geometry
     bodies: tuple[Body, ...]

@@ -39,11 +39,12 @@ RANDOM_SEED = 20_210_521
 class FrictionSpread:
     """Distribution of the friction parameters of a drive, in SI units.
 
-    The k parameters `names` have a statistical distribution. Other parameters have a stated range
-    or are certain.
+    A parameter has a statistical distribution (`names`), a stated range (`ranges`), or a certain
+    value.
     """
 
     names: tuple[str, ...] = ()
+    """Names of the k parameters that have a statistical distribution."""
     mean: Array = field(default_factory=lambda: np.zeros(0))
     """Means (k,) of the parameters `names`."""
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))

@@ -216,9 +216,17 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
 
 
 def with_motor(load: JointLoad, motor: Motor) -> tuple[JointLoad, Range | None, tuple[str, ...]]:
-    """Replace the original motor of a joint by `motor`, with its rotor and its friction.
+    """Replace the original motor of a joint by another one, with its rotor and its friction.
 
-    The `input_inertia` of a drive includes the rotor of the joint's original motor.
+    The `input_inertia` of a drive includes the rotor of the joint's original motor, so the new
+    rotor is added and the original one is subtracted.
+
+    Parameters
+    ----------
+    load
+        Load of the joint with its drive and original motor.
+    motor
+        The new motor. If it is the original one, only the motor of the load is set.
 
     Returns
     -------

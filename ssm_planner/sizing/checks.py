@@ -36,8 +36,9 @@ class Check:
     """The comparison of one demand with its limit, in SI units.
 
     The margin is (limit − worst)/limit, where `worst` is the demand at the required confidence. For
-    a lower limit, it is (worst − limit)/limit. The margin is None if data are missing. In this
-    case, or if the check is undecided, `needs` names the data that would decide it.
+    a lower limit, it is (worst − limit)/limit. A positive margin means that the limit is kept. The
+    margin is None if data are missing. In this case, or if the check is undecided, `needs` names
+    the data that would decide it.
 
     Examples
     --------
@@ -266,7 +267,19 @@ class JointCase:
 def gear_case(load: JointLoad, conditions: Conditions) -> JointCase:
     """Return the load and the demands from which the checks of a joint's gear are computed.
 
-    They do not depend on the motor of the joint.
+    The motor is removed from the load before the demands are computed, so they do not depend on it.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    conditions
+        Operating conditions, which contain the pause and the required confidence.
+
+    Returns
+    -------
+    JointCase
+        Case with the given load, the demands without a motor, and the uncertainty of the friction.
     """
     spread = friction_spread(load.drive, conditions.spread)
     band = demand_band(replace(load, motor=None), spread, conditions)
@@ -294,9 +307,10 @@ def demand_band(load: JointLoad, spread: FrictionSpread, conditions: Conditions)
 
 
 def tightest_check(checks: Iterable[Check]) -> Check | None:
-    """Return the check with the smallest margin. Failed checks precede all others.
+    """Return the check that limits the design, which is the one with the smallest margin.
 
-    The result is None if no check has a margin.
+    A failed check precedes all others, also a check with a smaller margin that is still open. The
+    result is None if no check has a margin.
     """
     evaluated = [check for check in checks if check.margin is not None]
     if evaluated:

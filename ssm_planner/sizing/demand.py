@@ -111,11 +111,31 @@ class Band:
     """`worst` without the torque ripple of the drive. None if the peaks include no ripple."""
 
     def high(self, name: DemandName, confidence: float) -> float:
-        """Return the value that the demand does not exceed with this confidence."""
+        """Return the value that a demand does not exceed with the given confidence.
+
+        It is the quantile of the draws in `worst` at this confidence.
+
+        Parameters
+        ----------
+        name
+            Name of the demand.
+        confidence
+            Probability between 0 and 1.
+        """
         return float(np.quantile(getattr(self.worst, name), confidence, method="inverted_cdf"))
 
     def low(self, name: DemandName, confidence: float) -> float:
-        """Return the value that the demand does not fall below with this confidence."""
+        """Return the value that a demand does not fall below with the given confidence.
+
+        It is the quantile of the draws in `best` at 1 − confidence.
+
+        Parameters
+        ----------
+        name
+            Name of the demand.
+        confidence
+            Probability between 0 and 1.
+        """
         return float(np.quantile(getattr(self.best, name), 1 - confidence, method="inverted_cdf"))
 
     def nominal_value(self, name: DemandName) -> float:
@@ -260,10 +280,17 @@ def _lower_bound(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Dema
 
 
 def _secant_slopes(load: JointLoad, spread: FrictionSpread) -> Array:
-    """Return the change of each demand per unit of each uncertain parameter.
+    """Compute the change of each demand per unit of each uncertain parameter.
 
     The slope is the secant between the mean plus and the mean minus one standard deviation. The
     lower end is at least 0, because friction parameters are not negative.
+
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    spread
+        Uncertainty of the friction, with mean and standard deviation of each parameter.
 
     Returns
     -------

@@ -116,13 +116,24 @@ class JointLoad:
         return self.drive.ratio * self.qdd
 
     def effort(self) -> Array:
-        """Return the effort F in the mesh, N·m or N, (n,) or (draws, n) for random friction."""
+        """Compute the effort F in the mesh, see `output_effort`.
+
+        Returns
+        -------
+        (n,) or (draws, n) array
+            Efforts, N·m or N. The second shape applies if friction parameters of the drive are
+            random draws.
+        """
         return output_effort(self.drive, self.tau_rigid, self.qd, self.qdd, self.direction)
 
     def torque(self) -> Array:
-        """Return the exact motor torque, N·m, (n,) or (draws, n) for random friction.
+        """Compute the exact motor torque, including the largest friction torque of the motor itself.
 
-        It contains the largest friction torque of the motor.
+        Returns
+        -------
+        (n,) or (draws, n) array
+            Torques, N·m. The second shape applies if friction parameters of the drive are random
+            draws.
         """
         return self.by_parts(JointLoad._torque)
 
@@ -160,9 +171,15 @@ class JointLoad:
         return torque + self.motor_friction[1] * self.direction
 
     def coefficient(self) -> Array:
-        """Return the kinetic friction coefficient μ at every instant, (n,) or (draws, n).
+        """Compute the kinetic friction coefficient μ of the mesh at every instant.
 
-        At a start from rest it is at least the static coefficient.
+        At a start from rest, the result is at least the static coefficient.
+
+        Returns
+        -------
+        (n,) or (draws, n) array
+            Coefficients. The second shape applies if friction parameters of the drive are random
+            draws.
         """
         friction = required_friction(self.drive)
         w = self.speed()
@@ -219,7 +236,13 @@ class JointLoad:
         )
 
     def subset(self, keep: Indices) -> "JointLoad":
-        """Select the instants with increasing indices `keep` (m,) and recompute their weights."""
+        """Return the load at some of its instants, with new weights.
+
+        Parameters
+        ----------
+        keep : (m,) array of int
+            Increasing indices of the instants.
+        """
         columns = self._columns(keep)
         return replace(self, **columns | {"weight": _trapezoidal_weights(columns["t"])})
 

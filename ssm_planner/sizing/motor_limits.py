@@ -87,10 +87,20 @@ SMALLEST_STARTING_ACCELERATION = 2e4
 
 
 def rotor_range(motor: Motor) -> Range:
-    """Return the range of the rotor inertia, kg·m².
+    """Return the range of the rotor inertia that is possible.
 
-    If the motor file does not state the inertia, the range extends from 0 to the largest plausible
-    inertia for this nominal torque.
+    If the motor file does not state the inertia, the range extends from 0 to the nominal torque
+    divided by `SMALLEST_STARTING_ACCELERATION`. Both ends are equal if it does.
+
+    Parameters
+    ----------
+    motor
+        Motor with its nominal torque and, if known, its rotor inertia.
+
+    Returns
+    -------
+    smallest, largest : float
+        Inertias, kg·m².
     """
     inertia = motor.rotor_inertia
     return (
@@ -139,8 +149,9 @@ def torque_constant(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) ->
 
 
 def magnet_coefficient(motor: Motor) -> float:
-    """Return the relative change of the torque constant per kelvin. The default is
-    `MAGNET_COEFFICIENT`.
+    """Return the relative change of the torque constant of a motor, 1/K.
+
+    Without a value in the motor file, it is `MAGNET_COEFFICIENT`.
     """
     return (
         MAGNET_COEFFICIENT
@@ -152,20 +163,26 @@ def magnet_coefficient(motor: Motor) -> float:
 def available_torque(
     motor: Motor, conditions: Conditions, speed: Array, temperature: float | None = None
 ) -> Array:
-    """Return the largest motor torque in the direction of motion, N·m.
+    """Return the largest motor torque in the direction of motion.
 
     It is the smallest of three limits: the largest torque in the motor file, the torque at the
-    current limit, and the speed–torque line at the supply voltage. Limits without data are ignored.
-    The torque is 0 above the largest speed.
+    current limit, and the speed–torque line at the supply voltage, k·(U − k·w)/R, with the voltage
+    U, the torque constant k, the resistance R and the speed w. Limits without data are ignored. The
+    torque is 0 above the largest speed.
 
     Parameters
     ----------
     motor, conditions
         The motor and its operating conditions.
-    speed
-        Motor speeds ≥ 0 of any shape, rad/s. The result has the same shape.
+    speed : array of any shape
+        Motor speeds ≥ 0, rad/s.
     temperature
         Temperature of winding and magnets, K. The default is 25 °C.
+
+    Returns
+    -------
+    array with the shape of speed
+        Torques, N·m.
     """
     temperature = REFERENCE_TEMPERATURE if temperature is None else temperature
     speed = np.asarray(speed, dtype=float)

@@ -352,15 +352,15 @@ class Cycle:
 
 @record
 class Temperatures:
-    """Temperatures (n,) of winding and housing over one cycle, K.
-
-    `status` is "steady", "warming up" or "no steady state". Without a steady state, the
-    temperatures are infinite.
-    """
+    """Temperatures of winding and housing over one cycle."""
 
     winding: Array
+    """Winding temperatures (n,) at the instants of the cycle, K. Infinite without a steady state.
+    """
     housing: Array
+    """Housing temperatures (n,) at the instants of the cycle, K."""
     status: str = "steady"
+    """"steady" if the temperatures repeat with the cycle, "warming up", or "no steady state"."""
 
     @property
     def steady(self) -> bool:
@@ -487,6 +487,13 @@ def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
     It is the smallest solution of T = T_a + R·P(mean(tau²), T), where T_a is the ambient
     temperature, R the thermal resistance from winding to ambient, P the loss and tau the torque.
     Newton's method starts at T_a.
+
+    Parameters
+    ----------
+    model
+        Thermal model of the motor.
+    cycle
+        Motor torque over one repetition.
 
     Returns
     -------
