@@ -267,7 +267,8 @@ class JointCase:
 def gear_case(load: JointLoad, conditions: Conditions) -> JointCase:
     """Return the load and the demands from which the checks of a joint's gear are computed.
 
-    The motor is removed from the load before the demands are computed, so they do not depend on it.
+    The checks of a gear do not depend on the electrical data of the motor. The demands are
+    therefore computed without a motor, and their voltage is NaN.
 
     Parameters
     ----------
@@ -279,7 +280,7 @@ def gear_case(load: JointLoad, conditions: Conditions) -> JointCase:
     Returns
     -------
     JointCase
-        Case with the given load, the demands without a motor, and the uncertainty of the friction.
+        Case with the given load, these demands, and the uncertainty of the friction.
     """
     spread = friction_spread(load.drive, conditions.spread)
     band = demand_band(replace(load, motor=None), spread, conditions)

@@ -127,7 +127,9 @@ class JointLoad:
         return output_effort(self.drive, self.tau_rigid, self.qd, self.qdd, self.direction)
 
     def torque(self) -> Array:
-        """Compute the exact motor torque, including the largest friction torque of the motor itself.
+        """Compute the exact motor torque at every instant.
+
+        It includes the largest friction torque of the motor that the friction of the drive omits.
 
         Returns
         -------
