@@ -20,12 +20,31 @@ SMALLEST_SQUARED_LENGTH = 1e-12
 
 
 def retina_distance(xp: Namespace, eye: Eye, tip: Any) -> Any:
-    """Return the distance of the tip from the retina in m, which must be at least `eye.clearance`.
+    """Compute the distance of the tip from the retina, which must be at least `eye.clearance`.
 
     The instrument enters the eye through a hole of the retina about the remote centre with the
-    radius `port`. The distance is therefore max(R − |p − c|, clearance + port − |p|) with the tip
-    position p, the centre c and the radius R of the retina. The function is continuous but has
-    kinks, so only the check uses it. The optimiser uses the smooth `retina_constraint`.
+    radius `port`. With the tip position p, and the centre c and the radius R of the retina, the
+    distance is therefore
+
+        max(R − |p − c|, clearance + port − |p|).
+
+    The second term is at least `clearance` for a tip within `port` of the remote centre. The
+    function is continuous but has kinks, so only the check uses it. The optimiser uses the smooth
+    `retina_constraint`.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    eye : Eye
+        Retina, port and required clearance.
+    tip : three arrays or expressions
+        Components of the tip position p in the base frame (m).
+
+    Returns
+    -------
+    array or expression
+        Distance (m) in the shape of one component.
     """
     depth = eye.radius - xp.sqrt(_squared_length(_difference(tip, eye.centre)))
     at_port = eye.clearance + eye.port - xp.sqrt(_squared_length(tip))
@@ -33,22 +52,47 @@ def retina_distance(xp: Namespace, eye: Eye, tip: Any) -> Any:
 
 
 def lens_ratio(xp: Namespace, lens: Lens, tip: Any) -> Any:
-    """Return the factor ρ by which the lens must grow to touch the axis of the shaft.
+    """Compute the factor ρ by which the lens must grow to touch the axis of the shaft.
 
-    A permitted ρ is at least `smallest_lens_ratio`. The part of the shaft in the eye is the
-    segment from the remote centre to the tip. In coordinates that are scaled by the semi-axes,
-    the lens is the unit ball, and ρ is the distance of the segment from the centre of this
-    ball.
+    A permitted ρ is at least `smallest_lens_ratio`. The part of the shaft in the eye is the segment
+    from the remote centre to the tip. In coordinates that are divided by the semi-axes of the lens,
+    the lens is the unit ball, and ρ is the distance of the segment from the centre of this ball.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    lens : Lens
+        Ellipsoid with its centre (m), the directions of its axes and its semi-axes (m).
+    tip : three arrays or expressions
+        Components of the tip position in the base frame (m).
+
+    Returns
+    -------
+    array or expression
+        Ratio ρ in the shape of one component. It is below 1 if the axis of the shaft passes
+        through the lens.
     """
     return xp.sqrt(_squared_lens_ratio(xp, lens, tip))
 
 
 def smallest_lens_ratio(eye: Eye) -> float:
-    """Return the smallest permitted ρ of `lens_ratio`, which is 1 + r/a. Without a lens it is 1.
+    """Return the smallest permitted ρ of `lens_ratio`, which is 1 + r/a, or 1 without a lens.
 
     r is the radius of the shaft and a the smallest semi-axis of the lens E. The lens contains a
     ball of radius a, so (r/a) E contains a ball of radius r. E is convex, so E + (r/a) E = (1 +
-    r/a) E. A shaft axis outside (1 + r/a) E is therefore at least r away from E.
+    r/a) E. A shaft axis outside (1 + r/a) E is therefore at least r away from E, and the shaft does
+    not touch the lens.
+
+    Parameters
+    ----------
+    eye : Eye
+        Lens and radius of the shaft.
+
+    Returns
+    -------
+    float
+        Smallest permitted ratio.
     """
     if eye.lens is None:
         return 1.0
@@ -56,10 +100,25 @@ def smallest_lens_ratio(eye: Eye) -> float:
 
 
 def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]]:
-    """Return the value and the smallest permitted value of each eye limit, by its name.
+    """Compute the value and the smallest permitted value of each eye limit.
 
-    The value of the retina is a distance in m (`retina_distance`). The value of the lens, if the
-    eye has one, is the ratio ρ of `lens_ratio`.
+    The check compares the two values of every limit.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    eye : Eye
+        Retina and lens.
+    tip : three arrays or expressions
+        Components of the tip position in the base frame (m).
+
+    Returns
+    -------
+    dict of (array or expression, float)
+        Value and smallest permitted value by the name of the limit. The value of the retina is the
+        distance of `retina_distance` (m). The value of the lens, if the eye has one, is the ratio ρ
+        of `lens_ratio`.
     """
     limits = {RetinaClearance.name: (retina_distance(xp, eye, tip), eye.clearance)}
     if eye.lens is not None:
@@ -70,16 +129,48 @@ def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]
 def retina_constraint(xp: Namespace, eye: Eye, tip: Any) -> Any:
     """Return |p − c|²/(R − clearance)² − 1, which the optimiser keeps ≤ 0 beyond the port.
 
-    p is the tip, and c and R are centre and radius of the retina. The expression is smooth, unlike
-    `retina_distance`.
+    p is the tip position, and c and R are the centre and the radius of the retina. A value ≤ 0
+    means that the tip is at least `eye.clearance` away from the retina. Unlike `retina_distance`,
+    the expression is smooth.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    eye : Eye
+        Retina and required clearance.
+    tip : three arrays or expressions
+        Components of the tip position p in the base frame (m).
+
+    Returns
+    -------
+    array or expression
+        Dimensionless value in the shape of one component.
     """
     return _squared_length(_difference(tip, eye.centre)) / (eye.radius - eye.clearance) ** 2 - 1.0
 
 
 def lens_constraint(xp: Namespace, eye: Eye, lens: Lens, tip: Any) -> Any:
-    """Return 1 − (ρ / lens_limit)² with ρ of `lens_ratio`, which the optimiser keeps ≤ 0.
+    """Return 1 − (ρ / ρ_min)², which the optimiser keeps ≤ 0.
 
-    The expression is continuously differentiable, except for a tip at the remote centre.
+    ρ is the ratio of `lens_ratio`, and ρ_min is `smallest_lens_ratio`. The expression is
+    continuously differentiable, except for a tip at the remote centre.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    eye : Eye
+        Radius of the shaft, and the lens.
+    lens : Lens
+        The lens of the eye.
+    tip : three arrays or expressions
+        Components of the tip position in the base frame (m).
+
+    Returns
+    -------
+    array or expression
+        Dimensionless value in the shape of one component.
     """
     return 1.0 - _squared_lens_ratio(xp, lens, tip) / smallest_lens_ratio(eye) ** 2
 
@@ -93,7 +184,27 @@ def eye_constraints(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
 
 
 def _squared_lens_ratio(xp: Namespace, lens: Lens, tip: Any) -> Any:
-    """Return ρ², the square of `lens_ratio`."""
+    """Compute ρ², the square of `lens_ratio`.
+
+    With the centre of the lens as origin and coordinates divided by the semi-axes, let o be the
+    remote centre and d the vector from it to the tip. The point of the segment closest to the
+    origin is o + f d with f = −(o · d) / |d|², limited to 0 ≤ f ≤ 1. ρ is the length of this
+    point's vector.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    lens : Lens
+        Ellipsoid with its centre (m), the directions of its axes and its semi-axes (m).
+    tip : three arrays or expressions
+        Components of the tip position in the base frame (m).
+
+    Returns
+    -------
+    array or expression
+        Squared ratio ρ² in the shape of one component.
+    """
     scale = (lens.frame / lens.semi_axes).T.tolist()
     offset = [-_inner_product(axis, lens.centre.tolist()) for axis in scale]
     shaft = [_inner_product(axis, tip) for axis in scale]

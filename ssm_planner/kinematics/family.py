@@ -35,7 +35,13 @@ class MechanismFamily:
     insertion_sign: int = -1
 
     def subset(self, mask: Array) -> "MechanismFamily":
-        """Return the mechanisms for which the mask (n,) is true."""
+        """Return the family of the mechanisms for which a mask is true.
+
+        Parameters
+        ----------
+        mask : (n,) mask
+            True for each mechanism of the subset.
+        """
         return MechanismFamily(
             self.alpha[mask], self.home_tilt[mask], self.home_roll[mask], self.insertion_sign
         )
@@ -76,16 +82,27 @@ class MechanismFamily:
 
     @cached_property
     def tilt_magnitudes(self) -> tuple[Array, Array]:
-        """Smallest and largest magnitude of the tilt, each (n,), rad (paper, eq. 9)."""
+        """Smallest and largest magnitude of the tilt (rad), each (n,) (paper, eq. 9).
+
+        They are |α − β|, and α + β or, for a sum above π, 2π − (α + β).
+        """
         total = self.alpha + self.beta
         return np.abs(self.alpha - self.beta), np.minimum(total, 2.0 * np.pi - total)
 
     def boundary_distance(self, tilts: Array) -> Array:
-        """Return the smallest distance (n,) of tilts from the ends of each tilt range, rad.
+        """Compute the smallest distance of given tilts from the ends of every tilt range.
 
-        `tilts` (k,) are signed, in rad. The distance is negative for a mechanism that cannot reach
-        all of them. It is −∞ if they require the other sign of tilt than home and the mechanism
-        cannot cross zero.
+        Parameters
+        ----------
+        tilts : (k,) array
+            Signed tilts (rad) that a mechanism must reach.
+
+        Returns
+        -------
+        (n,) array
+            Smallest distance (rad) for each mechanism. It is negative for a mechanism that cannot
+            reach all tilts. It is −∞ if not all tilts have the sign of the home tilt and the
+            mechanism cannot reach the tilt 0, through which it would have to pass.
         """
         low, high = self.tilt_magnitudes
         size = np.abs(tilts)
@@ -95,15 +112,22 @@ class MechanismFamily:
         return np.where(other_side & (low > 0), -np.inf, margin)
 
     def joints(self, task: Array, branch: int) -> Array:
-        """Return the joint positions (n, k, 4) of every mechanism for task coordinates, rad and m.
+        """Compute the joint positions of every mechanism for the same task coordinates.
+
+        See the equations of `joints_of_task`.
 
         Parameters
         ----------
-        task : (k, 4)
-            Roll, tilt and spin in rad, depth in m.
+        task : (k, 4) array
+            Roll, tilt and spin (rad), and depth (m).
         branch : int
             +1 for the branch of the inverse kinematics on which q = 0 lies, −1 for the other
             branch.
+
+        Returns
+        -------
+        (n, k, 4) array
+            Joint positions (rad and m).
         """
         coordinates = np.asarray(task, dtype=float).T[:, None, :]  # four rows (1, k)
         home_branch = np.where(np.sin(self.delta) > 0.0, -1.0, 1.0)[:, None]
@@ -113,9 +137,10 @@ class MechanismFamily:
 
 
 class _BroadcastFamily:
-    """View of a family as the argument `mechanism` of `joints_of_task`.
+    """View of a family with the attributes of a `Mechanism` that `joints_of_task` reads.
 
-    The attributes have the shape (n, 1), so that they broadcast over k points.
+    The attributes have the shape (n, 1), so that they broadcast over k points. `spin_offset` is η
+    at q = 0, which makes the spin σ = θ3 − η + spin_offset zero there.
     """
 
     def __init__(self, family: MechanismFamily) -> None:

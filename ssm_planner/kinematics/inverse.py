@@ -1,8 +1,9 @@
-"""Solve the inverse kinematics in closed form on every branch, for batches of targets.
+"""Solve the inverse kinematics in closed form on both branches, for many targets at once.
 
-Targets are task coordinates or tip positions. `task.joints_of_task` contains the closed forms for
-θ1 to θ3, which solve the subproblems 2 and 1 of Paden and Kahan. The depth gives θ4 (subproblem 3′
-of the paper). A branch, +1 or −1, is one of the two solutions for a tilt.
+A target is either a point in task coordinates (`inverse_task`) or a tip position (`inverse_tip`). A
+branch, +1 or −1, is one of the two joint solutions for a tilt, which differ in the sign of sin(θ2 −
+δ). The function `joints_of_task` contains the closed forms. Those for θ1 to θ3 solve the
+subproblems 2 and 1 of Paden and Kahan. The depth gives θ4 (subproblem 3′ of the paper).
 """
 
 import math
@@ -38,28 +39,31 @@ def inverse_task(
 ) -> Solutions:
     """Compute the joint positions for task coordinates on both branches.
 
+    A tilt outside the workspace is replaced by the nearest tilt inside, and the depth by its
+    projection on the reached tool axis. With the angle ε between the requested and the reached tool
+    axis, the depth becomes depth · cos ε, and the tip misses its target by |depth · sin ε|.
+
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
-    task : (n, 4)
-        Roll, tilt and spin in rad, depth in m. The tilt may have either sign. Roll and spin are not
-        wrapped, so θ1 and θ3 are continuous in them.
-    limits : (4, 2), optional
-        Lowest and highest joint positions, rad and m.
-    reference : (4,), optional
-        Joint positions. The solutions are sorted by their distance to it.
+    task : (n, 4) array
+        Roll, tilt and spin (rad), and depth (m). The tilt may have either sign. Roll and spin are
+        not reduced to one turn, so without limits and reference, θ1 and θ3 are continuous in them.
+    limits : (4, 2) array, optional
+        Smallest and largest joint positions (rad and m).
+    reference : (4,) or (n, 4) array, optional
+        Joint positions (rad and m). The solutions are sorted by their distance to it.
 
     Returns
     -------
     Solutions
-        Two solutions for each target. A tilt outside the workspace is replaced by the nearest tilt
-        inside, and the errors state the remaining distance.
+        Two solutions for each target. The errors are zero for targets in the workspace.
 
     Raises
     ------
     GeometryError
-        If two axes are parallel, or a target is not finite or has a tilt outside [−π, π].
+        If two adjacent axes are parallel, or a target is not finite or has a tilt outside [−π, π].
     """
     _check_axes_not_parallel(mechanism)
     task = check_task("task", task)
@@ -91,36 +95,38 @@ def inverse_tip(
 ) -> Solutions:
     """Compute up to four joint solutions for each tip position.
 
-    The tool can reach a tip from both sides of the RCM, so there are two depths (subproblem 3′ of
-    the paper). Each depth has two branches. The solutions are ordered as (depth > 0, +1), (depth >
-    0, −1), (depth < 0, +1), (depth < 0, −1).
+    The tool can reach a tip from both sides of the remote centre of motion (RCM), with the depths
+    +d and −d, where d is the distance of the tip from the RCM (subproblem 3′ of the paper). Each
+    depth has two branches. Without a reference, the solutions of a tip have the order (depth > 0,
+    branch +1), (depth > 0, −1), (depth < 0, +1), (depth < 0, −1).
 
     A tip at the RCM does not determine the direction of the tool. The tool then has the direction
-    of `reference`, or that at q = 0 without a reference. The two solutions with depth < 0 repeat
-    the others, so they are marked as not reaching the tip.
+    that it has at `reference`, or at q = 0 without a reference. Both depths are
+    then zero up to `REACH_TOLERANCE`, so the solutions of the second depth repeat those of the
+    first. They are marked as not reaching the tip.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
-    tip : (n, 3)
-        Tip positions in the base frame, m.
-    spin : float or (n,)
-        Rotation of the tool about its axis, rad.
-    limits : (4, 2), optional
-        Lowest and highest joint positions, rad and m.
-    reference : (4,), optional
-        Joint positions. The solutions are sorted by their distance to it.
+    tip : (n, 3) array
+        Tip positions in the base frame (m).
+    spin : float or (n,) array
+        Rotation of the tool about its axis (rad).
+    limits : (4, 2) array, optional
+        Smallest and largest joint positions (rad and m).
+    reference : (4,) or (n, 4) array, optional
+        Joint positions (rad and m). The solutions are sorted by their distance to it.
 
     Returns
     -------
     Solutions
-        Four solutions for each tip.
+        Four solutions for each tip. A tip is reachable if one of its depths is.
 
     Raises
     ------
     GeometryError
-        If a shape is wrong, a value is not finite, or two axes are parallel.
+        If a shape is wrong, a value is not finite, or two adjacent axes are parallel.
     """
     tip = check_rows("tip", tip, 3)
     spins = np.asarray(spin, dtype=float)
@@ -160,14 +166,25 @@ def _select_solutions(
 ) -> Solutions:
     """Combine the joints of both branches to solutions, mark those within limits, and sort them.
 
+    A target counts as reachable if neither error exceeds `REACH_TOLERANCE`.
+
     Parameters
     ----------
-    joints : (n, 2, 4)
-        Joint positions of both branches, rad and m.
-    orientation_error, tip_error : (n,)
-        Angle and distance by which the solutions miss the target, rad and m.
-    limits, reference : optional
-        See `inverse_tip`.
+    joints : (n, 2, 4) array
+        Joint positions (rad and m). The second axis has the order of `BRANCHES`.
+    orientation_error : (n,) array
+        Angles between the requested and the reached tool axes (rad).
+    tip_error : (n,) array
+        Distances between the requested and the reached tip positions (m).
+    limits : (4, 2) array or None
+        Smallest and largest joint positions (rad and m).
+    reference : (4,) or (n, 4) array or None
+        Joint positions (rad and m), see `inverse_task`.
+
+    Returns
+    -------
+    Solutions
+        Two solutions for each of the n targets.
     """
     reachable = (orientation_error <= REACH_TOLERANCE) & (tip_error <= REACH_TOLERANCE)
     shape = joints.shape[:2]
@@ -190,21 +207,29 @@ def _roll_and_tilt_of_tips(
     at_rcm: Mask,
     reference: ArrayLike | None,
 ) -> tuple[Array, Array]:
-    """Return the roll and the tilt, each (n,) in rad, with which the tool reaches tip positions.
+    """Compute the roll and the tilt with which the tool reaches tip positions.
+
+    The tool axis points to the tip if `depth · insertion_sign` is positive, and away from the tip
+    if it is negative. A tip on the axis ω1 does not determine the roll, which is then 0.
 
     Parameters
     ----------
     mech : Mechanism
         Axes and tool frame.
-    tip : (n, 3)
-        Tip positions in the base frame, m.
-    depth : (n,)
-        Signed depth of each tip, m.
-    at_rcm : (n,)
-        Mask of the tips at the RCM. They get roll and tilt of `reference` or, without one, of q =
-        0.
-    reference : (4,), optional
-        Joint positions, rad and m.
+    tip : (n, 3) array
+        Tip positions in the base frame (m).
+    depth : (n,) array
+        Signed depth of each tip (m).
+    at_rcm : (n,) mask
+        True for tips at the RCM. They get the roll and the tilt of `reference` or, without one, of
+        q = 0.
+    reference : (4,) or (n, 4) array, optional
+        Joint positions (rad and m).
+
+    Returns
+    -------
+    roll, tilt : (n,) array
+        Roll and tilt (rad). The tilt has the sign of the home tilt.
     """
     # The tool axis points to the tip, or away from it if the insertion is negative.
     sign = np.where(depth * mech.insertion_sign < 0.0, -1.0, 1.0)
@@ -221,9 +246,12 @@ def _roll_and_tilt_of_tips(
 
 
 def _check_axes_not_parallel(mech: Mechanism) -> None:
-    """Raise GeometryError if two adjacent axes are parallel.
+    """Raise an error if two adjacent axes are parallel, so that the joint angles are not unique.
 
-    The inverse kinematics then has no unique solution.
+    Raises
+    ------
+    GeometryError
+        If sin α or sin β is below `PARALLEL_AXES_SINE`.
     """
     for name, angle, joints in (("alpha", mech.alpha, "1 and 2"), ("beta", mech.beta, "2 and 3")):
         if math.sin(angle) < PARALLEL_AXES_SINE:

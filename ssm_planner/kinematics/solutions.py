@@ -12,11 +12,14 @@ from ssm_planner.typing import Array, Mask, record
 
 FULL_TURN = 2.0 * math.pi
 JOINT_DISTANCE_WEIGHTS = (1.0, 1.0, 1.0, 10.0)
-"""Weights of the distance between configurations: 0.1 m of insertion counts as 1 rad."""
+"""Factors of the joint differences in the distance between two configurations.
+
+A difference of 0.1 m in the insertion counts as much as 1 rad in a revolute joint.
+"""
 
 
 PER_SOLUTION_FIELDS = ("joints", "branch", "reaches", "in_limits")
-"""Fields of Solutions with the shape (n, k, …), which have an entry for each solution."""
+"""Fields of `Solutions` that have an entry for each of the k solutions of n targets: (n, k, …)."""
 
 
 @record
@@ -56,10 +59,15 @@ def mark_and_sort(
     ----------
     solutions : Solutions
         Solutions of n targets.
-    limits : (4, 2) or None
-        Lowest and highest joint positions, rad and m. None leaves the marks unchanged.
-    reference : (4,) or (n, 4) or None
-        Joint positions, rad and m. None leaves the order unchanged.
+    limits : (4, 2) array or None
+        Smallest and largest joint positions (rad and m). None leaves `in_limits` unchanged.
+    reference : (4,) or (n, 4) array or None
+        Joint positions (rad and m). None leaves the order unchanged.
+
+    Returns
+    -------
+    Solutions
+        The same solutions, marked and sorted. Revolute joints may differ by whole turns.
     """
     if limits is not None:
         solutions = mark_within_limits(solutions, limits, reference)
@@ -73,17 +81,23 @@ def mark_within_limits(
 ) -> Solutions:
     """Mark the solutions that are within joint limits.
 
-    Revolute joints are moved by whole turns into their limits. If several positions are possible,
-    the one nearest to the reference is selected.
+    A revolute joint reaches the same pose at positions that differ by whole turns. If one of these
+    positions is within the limits, the solution gets it. Among several, it gets the one nearest to
+    the reference.
 
     Parameters
     ----------
     solutions : Solutions
         Solutions of n targets.
-    limits : (4, 2)
-        Lowest and highest joint positions, rad and m.
-    reference : (4,) or (n, 4), optional
-        Joint positions, rad and m. The default is the middle of the limits.
+    limits : (4, 2) array
+        Smallest and largest joint positions (rad and m).
+    reference : (4,) or (n, 4) array, optional
+        Joint positions (rad and m). The default is the middle of the limits.
+
+    Returns
+    -------
+    Solutions
+        The solutions with moved revolute joints and the new values of `in_limits`.
 
     Raises
     ------
@@ -102,17 +116,30 @@ def sort_by_distance(
 ) -> Solutions:
     """Sort the solutions of each target by their distance to a reference, valid solutions first.
 
-    Revolute joints are moved by whole turns as close as possible to the reference. The distance is
-    Euclidean with the factors `JOINT_DISTANCE_WEIGHTS`.
+    Valid solutions reach their target within the joint limits. Before the comparison, revolute
+    joints are moved by whole turns as close as possible to the reference. The distance is the
+    Euclidean norm of the joint differences, each multiplied by its factor in
+    `JOINT_DISTANCE_WEIGHTS`.
 
     Parameters
     ----------
     solutions : Solutions
         Solutions of n targets.
-    reference : (4,) or (n, 4)
-        Joint positions, rad and m.
-    limits : (4, 2), optional
-        Lowest and highest joint positions, within which joints are moved.
+    reference : (4,) or (n, 4) array
+        Joint positions (rad and m).
+    limits : (4, 2) array, optional
+        Smallest and largest joint positions (rad and m). Whole turns do not move a joint out of
+        these limits.
+
+    Returns
+    -------
+    Solutions
+        The solutions with moved revolute joints in the new order.
+
+    Raises
+    ------
+    GeometryError
+        If the limits or the reference are invalid.
     """
     bounds = np.tile((-np.inf, np.inf), (4, 1))
     if limits is not None:
@@ -133,15 +160,26 @@ def sort_by_distance(
 
 
 def check_joint_limits(name: str, value: ArrayLike) -> Array:
-    """Check joint limits, and return them as an array (4, 2) of lower and upper limits.
+    """Check joint limits, and return them as an array.
 
-    Joints without limits have infinite ones. `name` is the name of the argument in messages.
+    Parameters
+    ----------
+    name : str
+        Name of the argument. The error message contains it.
+    value : (4, 2) array-like
+        Smallest and largest position of each joint (rad and m). Joints without limits have infinite
+        ones.
+
+    Returns
+    -------
+    (4, 2) array
+        The same limits.
 
     Raises
     ------
     GeometryError
-        If the shape is wrong, a lower limit is above the upper one, or the values seem to be in
-        degrees.
+        If the shape is wrong, a value is NaN, a lower limit is above the upper one, or a limit of a
+        revolute joint is more than four turns from zero, which suggests degrees.
     """
     limits = np.asarray(value, dtype=float)
     if limits.shape != (4, 2):
@@ -165,27 +203,48 @@ def check_joint_limits(name: str, value: ArrayLike) -> Array:
 
 
 def nearest_turn(angle: Array, centre: ArrayLike) -> Array:
-    """Shift angles by whole turns into the interval (centre − π, centre + π], rad.
+    """Shift angles by whole turns into the interval (centre − π, centre + π].
 
-    The shapes of both arguments broadcast.
+    Parameters
+    ----------
+    angle : (...) array
+        Angles (rad).
+    centre : (...) array
+        Centres of the intervals (rad), in a shape that broadcasts with that of `angle`.
+
+    Returns
+    -------
+    (...) array
+        Shifted angles (rad).
     """
     return angle - FULL_TURN * np.ceil((angle - np.asarray(centre)) / FULL_TURN - 0.5)
 
 
 def _turn_centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
-    """Return the joint positions near which whole turns shall place each joint, (n or 1, 1, 4).
+    """Return the joint positions near which whole turns shall place each joint.
 
     They are the reference or, without one, the middle of the limits. A joint with only one finite
     limit has this limit as its centre, and a joint without limits has 0.
 
     Parameters
     ----------
-    bounds : (4, 2)
-        Lowest and highest joint positions, rad and m.
-    reference : (4,) or (n, 4) or None
-        Joint positions, rad and m.
+    bounds : (4, 2) array
+        Smallest and largest joint positions (rad and m).
+    reference : (4,) or (n, 4) array or None
+        Joint positions (rad and m).
     count : int
         Number n of targets.
+
+    Returns
+    -------
+    (1, 1, 4) or (n, 1, 4) array
+        Centres (rad and m) for all targets or for each target. The second axis broadcasts over the
+        solutions of a target.
+
+    Raises
+    ------
+    GeometryError
+        If the shape of the reference is wrong, or one of its values is not finite.
     """
     if reference is None:
         low, high = bounds.T
@@ -205,16 +264,17 @@ def _turn_centres(bounds: Array, reference: ArrayLike | None, count: int) -> Arr
 def _shift_into_range(joints: Array, centres: Array, bounds: Array) -> None:
     """Move revolute joints by whole turns as close as possible to given positions, in place.
 
-    Positions within the bounds take precedence, if whole turns can reach them.
+    If this position of a joint is outside the bounds, the joint moves on by the fewest whole turns
+    that bring it inside. If no number of whole turns does, the position next to the centre remains.
 
     Parameters
     ----------
-    joints : (n, k, 4)
-        Joint positions, which are changed.
-    centres : (n or 1, 1, 4)
-        Positions of `_turn_centres`.
-    bounds : (4, 2)
-        Lowest and highest joint positions.
+    joints : (n, k, 4) array
+        Joint positions (rad and m) of k solutions for each of n targets. The function changes them.
+    centres : (1, 1, 4) or (n, 1, 4) array
+        Positions of `_turn_centres` (rad and m).
+    bounds : (4, 2) array
+        Smallest and largest joint positions (rad and m).
     """
     for i in range(3):
         angle = nearest_turn(joints[..., i], centres[..., i])

@@ -29,15 +29,25 @@ if TYPE_CHECKING:
     import casadi
 
 FourComponents = Sequence[Any] | Array
-"""Four arrays of one shape, or four expressions."""
+"""The four task coordinates or joint quantities: arrays of one shape, or CasADi expressions."""
 
 
 def joints_of_task(
     xp: Namespace, mechanism: Mechanism, task: FourComponents, branch: Any
 ) -> tuple[Any, ...]:
-    """Compute the joint positions for task coordinates on one branch.
+    """Compute the joint positions for task coordinates on one branch (paper, §II-C).
 
-    The result is continuous along any path on the branch, because roll and spin are not wrapped.
+    With the roll ψ, the tilt φ, the spin σ and the symbols of the module `mechanism`,
+
+        θ1 = ψ − ζ − side · π/2 + h
+        θ2 = δ + 2 atan2(branch · S, C)
+        θ3 = σ + η − spin_offset − h
+        θ4 = insertion_sign · depth.
+
+    `elbow_half_angle_squares` gives C² and S² for the tilt, and `azimuths` gives ζ and η. The angle
+    h is 0 if φ has the sign `side` of the home tilt, and π otherwise, because (ψ, φ, σ) is the same
+    pose as (ψ + π, −φ, σ − π). The result is continuous along any path on the branch, because the
+    formulas do not reduce roll and spin to one turn.
 
     Parameters
     ----------
@@ -46,14 +56,16 @@ def joints_of_task(
     mechanism : Mechanism
         Axes and tool frame.
     task : four arrays or expressions
-        Roll, tilt and spin in rad, depth in m.
+        Roll, tilt and spin (rad), and depth (m).
     branch : int, array or expression
-        Sign of sin(θ2 − δ), +1 or −1.
+        Sign of sin(θ2 − δ), +1 or −1, which selects one of the two solutions.
 
     Returns
     -------
-    (θ1, θ2, θ3, θ4)
-        Joint positions in rad and m, each with the shape of the task coordinates.
+    theta1, theta2, theta3, theta4 : array or expression
+        Joint positions (rad and m), each with the shape of the task coordinates. For a tilt outside
+        the workspace, CasADi expressions are NaN, and arrays contain the θ2 of the nearer end of
+        the tilt range.
     """
     roll, tilt, spin, depth = task
     mech = mechanism
@@ -73,6 +85,15 @@ def joints_of_task(
 def task_of_joints(xp: Namespace, mechanism: Mechanism, q: FourComponents) -> tuple[Any, ...]:
     """Compute the task coordinates of joint positions.
 
+    With the azimuths ζ and η of `azimuths` and the magnitude |φ| of `tilt_magnitude`,
+
+        roll = θ1 + ζ + side · π/2
+        tilt = side · |φ|
+        spin = θ3 − η + spin_offset
+        depth = insertion_sign · θ4,
+
+    where `side` is the sign of the home tilt. The formulas do not reduce roll and spin to one turn.
+
     Parameters
     ----------
     xp : Namespace
@@ -80,13 +101,12 @@ def task_of_joints(xp: Namespace, mechanism: Mechanism, q: FourComponents) -> tu
     mechanism : Mechanism
         Axes and tool frame.
     q : four arrays or expressions
-        Joint positions, rad and m.
+        Joint positions (rad and m).
 
     Returns
     -------
-    (roll, tilt, spin, depth)
-        Task coordinates in rad and m. The tilt has the sign of the home tilt. Roll and spin are not
-        wrapped.
+    roll, tilt, spin, depth : array or expression
+        Task coordinates (rad and m). The tilt has the sign of the home tilt.
     """
     theta1, theta2, theta3, theta4 = q
     x = theta2 - mechanism.delta
@@ -101,8 +121,8 @@ def task_rates_of_joints(
 ) -> tuple[Any, ...]:
     """Compute the time derivatives of the task coordinates of `task_of_joints`.
 
-    With x = θ2 − δ, the azimuths ζ and η, and P, Q and E of the module `mechanism`, where P² + Q² =
-    sin² φ:
+    With x = θ2 − δ, the tilt φ, the azimuths ζ and η, and P, Q and E of the module `mechanism`,
+    where P² + Q² = sin² φ:
 
         dφ/dx = sin α sin β sin x / sin φ   on the home side
         dζ/dx = −E sin β / sin² φ
@@ -117,13 +137,15 @@ def task_rates_of_joints(
         Elementary functions of NumPy or CasADi.
     mechanism : Mechanism
         Axes and tool frame.
-    q, qd : four arrays or expressions each
-        Joint positions in rad and m, and joint velocities.
+    q : four arrays or expressions
+        Joint positions (rad and m).
+    qd : four arrays or expressions
+        Joint velocities (rad/s and m/s).
 
     Returns
     -------
-    tuple of four
-        Rates of roll, tilt, spin and depth, rad/s and m/s.
+    roll_rate, tilt_rate, spin_rate, depth_rate : array or expression
+        Rates of the task coordinates (rad/s and m/s).
     """
     mech = mechanism
     speed1, speed2, speed3, speed4 = qd
@@ -145,7 +167,15 @@ def task_rates_of_joints(
 def roll_and_tilt(
     xp: Namespace, mechanism: Mechanism, pointing: Any, around: Any
 ) -> tuple[Any, Any]:
-    """Return roll and tilt in rad of a tool that points in a given direction.
+    """Compute the roll and the tilt of a tool that points in a given direction.
+
+    The tool axis is cos φ ω1 + sin φ (sin ψ t − cos ψ n) with the roll ψ, the tilt φ and the
+    vectors of the module `mechanism`. The components x, y and z of a direction along ω1, t and n
+    therefore give
+
+        ψ = atan2(side · y, −side · z),   φ = side · atan2(√(y² + z²), x),
+
+    where `side` is the sign of the home tilt.
 
     Parameters
     ----------
@@ -156,7 +186,12 @@ def roll_and_tilt(
     pointing : three arrays or expressions
         Components x, y and z of the direction in `mechanism.frame`. Its length does not matter.
     around : array or expression
-        √(y² + z²), which must not be zero.
+        √(y² + z²). If it is zero, the direction does not determine the roll.
+
+    Returns
+    -------
+    roll, tilt : array or expression
+        Roll ψ and tilt φ (rad). The tilt has the sign of the home tilt.
     """
     side = mechanism.side
     axial, y, z = pointing
@@ -164,9 +199,19 @@ def roll_and_tilt(
 
 
 def check_task(name: str, value: ArrayLike) -> Array:
-    """Check task coordinates, and return them as rows (n, 4), rad and m.
+    """Check task coordinates, and return them as an array with one row for each point.
 
-    `name` is the name of the argument in messages.
+    Parameters
+    ----------
+    name : str
+        Name of the argument. The error message contains it.
+    value : (4,) or (n, 4) array-like
+        Roll, tilt and spin (rad), and depth (m).
+
+    Returns
+    -------
+    (n, 4) array
+        The same coordinates. A single point becomes one row.
 
     Raises
     ------
@@ -184,25 +229,30 @@ def check_task(name: str, value: ArrayLike) -> Array:
 
 
 def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None = None) -> Array:
-    """Compute the task coordinates of joint positions, with wrapped roll and spin.
+    """Compute the task coordinates of joint positions, with roll and spin reduced to one turn.
 
-    Two sets of task coordinates describe the same pose: (ψ, φ, σ) and (ψ + π, −φ, σ + π) for roll,
-    tilt and spin. The result is the one whose tilt has the sign of the home tilt.
+    Two triples of roll, tilt and spin describe the same pose: (ψ, φ, σ) and (ψ + π, −φ, σ + π). The
+    result is the one whose tilt has the sign of the home tilt.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
-    q : (n, 4)
-        Joint positions, rad and m.
-    near : (4,) or (n, 4), optional
-        Task coordinates next to which roll and spin are shifted by whole turns. Without them, roll
-        and spin are in (−π, π].
+    q : (4,) or (n, 4) array
+        Joint positions (rad and m).
+    near : (4,) or (n, 4) array, optional
+        Task coordinates (rad and m) to which roll and spin are moved by whole turns as close as
+        possible. Without them, roll and spin are in (−π, π].
 
     Returns
     -------
-    (n, 4)
-        Roll, tilt, spin in rad and depth in m.
+    (n, 4) array
+        Roll, tilt and spin (rad), and depth (m).
+
+    Raises
+    ------
+    GeometryError
+        If a shape is wrong or a value is not finite.
     """
     q = check_rows("q", q, 4)
     task = np.stack(task_of_joints(NUMPY, mechanism, q.T), axis=1)
@@ -213,17 +263,24 @@ def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None 
 
 
 def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
-    """Return the rates of roll, tilt, spin and depth (n, 4) in rad/s and m/s.
+    """Compute the rates of the task coordinates for joint positions and velocities.
 
-    The rates of roll and spin grow without bound as the tilt approaches 0 or 180°, where both are
-    the same rotation.
+    See the equations of `task_rates_of_joints`. The rates of roll and spin grow without bound as
+    the tilt approaches 0 or 180°, where both are the same rotation.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
-    q, qd : (n, 4)
-        Joint positions in rad and m, and joint velocities.
+    q : (n, 4) array
+        Joint positions (rad and m).
+    qd : (n, 4) array
+        Joint velocities (rad/s and m/s).
+
+    Returns
+    -------
+    (n, 4) array
+        Rates of roll, tilt, spin and depth (rad/s and m/s).
     """
     q = check_rows("q", q, 4)
     qd = check_rows("qd", qd, 4)
@@ -233,22 +290,26 @@ def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
 def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]:
     """Compute the tool pose for task coordinates.
 
-    With roll ψ, tilt φ, spin σ, and the home roll ψ_h and home tilt φ_h, the orientation is R =
-    e^{ω̂1 ψ} e^{t̂ φ} e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0 Rz(σ), where R_0 is `tool_home`.
+    The tool first turns about its own axis by the spin σ, then tilts by φ about the axis t, and
+    then rolls by ψ about ω1. With the home roll ψ_h, the home tilt φ_h and the tool frame R_0 at q
+    = 0 (`tool_home`), the orientation R and the tip position p are
+
+        R = e^{ω̂1 ψ} e^{t̂ φ} e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0 Rz(σ)
+        p = θ4 e^{ω̂1 ψ} e^{t̂ φ} ω1   with θ4 = insertion_sign · depth.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
-    task : (n, 4)
-        Roll, tilt and spin in rad, depth in m. The tilt may have either sign.
+    task : (n, 4) array
+        Roll, tilt and spin (rad), and depth (m). The tilt may have either sign.
 
     Returns
     -------
-    R : (n, 3, 3)
+    R : (n, 3, 3) array
         Rotations from the tool frame to the base frame.
-    p : (n, 3)
-        Tip positions in the base frame, m.
+    p : (n, 3) array
+        Tip positions in the base frame (m).
     """
     task = check_task("task", task)
     pointing = rotation(mechanism.omega1, task[:, 0]) @ rotation(mechanism.tilt_axis, task[:, 1])
@@ -258,10 +319,26 @@ def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]
 
 
 def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
-    """Return the tip positions (n, 3) in m for task coordinates (n, 4), rad and m.
+    """Compute the tip positions for task coordinates.
 
-    The result is that of `pose_from_task` without the orientation. The formula is shorter because
-    the tilt axis is perpendicular to ω1.
+    The result is the position p of `pose_from_task`. With the roll ψ, the tilt φ and the rows a, b
+    and c of `Mechanism.tip_axes`, it is
+
+        p = insertion_sign · depth · (cos φ a + sin φ (cos ψ b + sin ψ c)).
+
+    This formula needs no rotation matrices, because the tilt axis is perpendicular to ω1.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes of the robot.
+    task : (n, 4) array
+        Roll, tilt and spin (rad), and depth (m). The spin does not matter.
+
+    Returns
+    -------
+    (n, 3) array
+        Tip positions in the base frame (m).
     """
     roll, tilt, _, depth = np.ascontiguousarray(task.T)
     axial, across, normal = mechanism.tip_axes[:, :, None]
@@ -274,26 +351,29 @@ def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
 def joints_from_task_symbolic(
     mechanism: Mechanism, task: "casadi.SX", branch: int, reference: Any | None = None
 ) -> "casadi.SX":
-    """Return the joint positions (4, 1) for task coordinates on one branch, in CasADi.
+    """Return the joint positions for task coordinates on one branch as a CasADi expression.
+
+    See the equations of `joints_of_task`.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
-    task : (4, 1)
-        Roll, tilt and spin in rad, depth in m. Roll and spin are not wrapped.
+    task : (4, 1) expression
+        Roll, tilt and spin (rad), and depth (m).
     branch : int
-        Sign of sin(θ2 − δ), +1 or −1. δ (`mechanism.delta`) is the θ2 with the largest cos φ.
-    reference : (4, 1), optional
-        Joint positions, rad and m. Each revolute joint is moved next to its reference by whole
-        turns.
+        Sign of sin(θ2 − δ), +1 or −1. The angle δ (`Mechanism.delta`) is the θ2 with the smallest
+        angle between ω1 and the tool axis.
+    reference : (4, 1) array or expression, optional
+        Joint positions (rad and m). Each revolute joint is moved by whole turns as close as
+        possible to its reference.
 
     Returns
     -------
     (4, 1) expression
-        Joint positions in rad and m, which are continuous along any path inside the workspace. They
-        are NaN outside. Their derivatives are infinite at the boundary, like those of the
-        mechanism.
+        Joint positions (rad and m). Without a reference, they are continuous along any path inside
+        the workspace. They are NaN outside the workspace. At its boundary, their derivatives are
+        infinite, because the mechanism is singular there.
     """
     import casadi
 
@@ -308,18 +388,26 @@ def joints_from_task_symbolic(
 def task_of_tip_symbolic(
     mechanism: Mechanism, tip: "casadi.SX", roll: "casadi.SX", spin: "casadi.SX"
 ) -> "casadi.SX":
-    """Return the task coordinates (4, 1) of a tool whose tip is at a given point, in CasADi.
+    """Return the task coordinates of a tool whose tip is at a given point as a CasADi expression.
+
+    The tip determines roll, tilt and depth by `roll_and_tilt`, but not the spin. The roll is
+    computed relative to the argument `roll`, so that atan2 has no jump close to this angle.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
-    tip : (3, 1)
-        Tip position in the base frame, m. The tip is beyond the remote centre (depth > 0).
+    tip : (3, 1) expression
+        Tip position in the base frame (m). The tip is beyond the remote centre (depth > 0).
     roll : expression
-        The resulting roll is within half a turn of this angle, rad.
+        Angle (rad). The resulting roll is within half a turn of it.
     spin : expression
-        Spin of the tool, rad, which the tip does not determine.
+        Spin of the tool (rad).
+
+    Returns
+    -------
+    (4, 1) expression
+        Roll, tilt and spin (rad), and depth (m).
     """
     import casadi
 
@@ -335,7 +423,20 @@ def task_of_tip_symbolic(
 
 
 def roll_of_tip(mechanism: Mechanism, tip: Array) -> float:
-    """Return the roll in rad of a tool whose tip is at a point (3,) beyond the remote centre, m."""
+    """Compute the roll of a tool whose tip is at a given point beyond the remote centre.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    tip : (3,) array
+        Tip position in the base frame (m), with depth > 0.
+
+    Returns
+    -------
+    float
+        Roll in [−π, π] (rad).
+    """
     pointing = mechanism.insertion_sign * (mechanism.frame.T @ tip)
     around = np.hypot(pointing[1], pointing[2])
     roll, _ = roll_and_tilt(NUMPY, mechanism, pointing, around)
@@ -343,9 +444,22 @@ def roll_of_tip(mechanism: Mechanism, tip: Array) -> float:
 
 
 def task_from_joints_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
-    """Return roll, tilt, spin and depth (4, 1) for joint positions (4, 1), in CasADi.
+    """Return the task coordinates of joint positions as a CasADi expression.
 
-    The tilt has the sign of the home tilt. Roll and spin are not wrapped.
+    See the equations of `task_of_joints`.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (4, 1) expression
+        Joint positions (rad and m).
+
+    Returns
+    -------
+    (4, 1) expression
+        Roll, tilt and spin (rad), and depth (m). The tilt has the sign of the home tilt. Roll and
+        spin are not reduced to one turn.
     """
     import casadi
 
@@ -353,9 +467,23 @@ def task_from_joints_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.S
 
 
 def task_rates_symbolic(mechanism: Mechanism, q: "casadi.SX", qd: "casadi.SX") -> "casadi.SX":
-    """Return the rates of roll, tilt, spin and depth (4, 1) in rad/s and m/s, in CasADi.
+    """Return the rates of the task coordinates as a CasADi expression.
 
-    `q` and `qd` (4, 1) are joint positions and joint velocities on either branch.
+    See the equations of `task_rates_of_joints`, which hold on both branches.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (4, 1) expression
+        Joint positions (rad and m).
+    qd : (4, 1) expression
+        Joint velocities (rad/s and m/s).
+
+    Returns
+    -------
+    (4, 1) expression
+        Rates of roll, tilt, spin and depth (rad/s and m/s).
     """
     import casadi
 
@@ -366,18 +494,26 @@ def task_rates_symbolic(mechanism: Mechanism, q: "casadi.SX", qd: "casadi.SX") -
 
 
 def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:
-    """Return the joint velocities (4,) that change the task coordinates at given rates.
+    """Compute the joint velocities that change the task coordinates at given rates.
 
-    The result is exactly zero for rates of zero, also where the Jacobian is singular.
+    The function solves J q̇ = rate, where J is the matrix (4, 4) of the derivatives of the task
+    coordinates with respect to the joint positions (`task_rates`). Velocities below 1e-12 times the
+    largest one are rounding errors, and become zero. Rates of zero give velocities of exactly zero,
+    also where J is singular.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
-    q : (4,)
-        Joint positions, rad and m.
-    rate : (4,)
-        Rates of roll, tilt, spin and depth, rad/s and m/s.
+    q : (4,) array
+        Joint positions (rad and m).
+    rate : (4,) array
+        Rates of roll, tilt, spin and depth (rad/s and m/s).
+
+    Returns
+    -------
+    (4,) array
+        Joint velocities (rad/s and m/s).
     """
     if not np.any(rate):
         return np.zeros(4)

@@ -57,9 +57,19 @@ class Extreme:
 
 
 def tilt_interval(mechanism: Mechanism) -> Range:
-    """Return the range (low, high) of the tilt in rad, with the sign that the tilt has at q = 0.
+    """Return the range of the tilt, with the sign that the tilt has at q = 0.
 
     For the vitreoretinal robot it is (−139.778°, −79.778°).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes of the robot.
+
+    Returns
+    -------
+    (float, float)
+        Smallest and largest signed tilt (rad).
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     return (low, high) if mechanism.side > 0 else (-high, -low)
@@ -68,8 +78,23 @@ def tilt_interval(mechanism: Mechanism) -> Range:
 def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
     """Compute the configurations with the smallest and the largest |φ| (paper, eq. 8).
 
-    The tool axis is ± (sin β / sin α) ω1 + (sin(α ∓ β) / sin α) ω2, with the upper signs for the
-    smallest |φ|.
+    In these configurations, the axes of joints 1 and 2 and the tool axis lie in one plane. For θ1 =
+    0, the tool axis is
+
+        ± (sin β / sin α) ω1 + (sin(α ∓ β) / sin α) ω2,
+
+    with the upper signs for the smallest |φ|, at θ2 = δ, and the lower signs for the largest |φ|,
+    at θ2 = δ + π.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes of the robot.
+
+    Returns
+    -------
+    smallest, largest : Extreme
+        Configurations with the smallest and with the largest |φ|.
 
     Raises
     ------
@@ -94,18 +119,25 @@ def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
 
 
 def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
-    """Return the positions θ2 of joint 2 in rad for tilts in rad, in the shape of `tilt`.
+    """Compute the positions θ2 of joint 2 for given tilts on one branch.
 
-    θ2 lies in the interval from δ (`mechanism.delta`) to δ + branch · π.
+    `elbow_half_angle_squares` gives C² and S² for the tilt, and θ2 = δ + branch · 2 atan2(S, C).
+    The result lies in the interval from δ (`Mechanism.delta`) to δ + branch · π.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes of the robot.
-    tilt : array-like
-        Tilts, rad. A tilt outside the workspace gives the θ2 of the nearest tilt inside.
+    tilt : (...) array-like
+        Tilts of either sign (rad). A tilt outside the workspace gives the θ2 of the nearest tilt
+        inside.
     branch : int
         Sign of sin(θ2 − δ), +1 or −1.
+
+    Returns
+    -------
+    (...) array
+        Positions θ2 (rad) in the shape of `tilt`.
 
     Raises
     ------
@@ -122,9 +154,21 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
 
 
 def magnitude_range(name: str, tilt_range: Range) -> Range:
-    """Return the smallest and the largest |φ| of a range of signed tilts, rad.
+    """Compute the smallest and the largest magnitude |φ| in a range of signed tilts.
 
-    `name` is the name of the range in the message.
+    A range that contains tilts of both signs has the smallest magnitude 0.
+
+    Parameters
+    ----------
+    name : str
+        Name of the range. The error message contains it.
+    tilt_range : (float, float)
+        Smallest and largest signed tilt (rad).
+
+    Returns
+    -------
+    (float, float)
+        Smallest and largest magnitude (rad).
 
     Raises
     ------
@@ -151,19 +195,22 @@ def check_branch(branch: int) -> int:
 
 
 def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
-    """Return the angles from tilts to the nearer end of the tilt range of a mechanism.
+    """Compute the angles from tilts to the nearer end of the tilt range of a mechanism.
+
+    With the smallest and the largest magnitude a and b of the tilt (`tilt_magnitudes`), the angle
+    is min(|φ| − a, b − |φ|).
 
     Parameters
     ----------
     mechanism : Mechanism
-        Kinematics of the robot.
-    tilt : array_like
-        Tilts φ, rad.
+        Axes of the robot.
+    tilt : (...) array-like
+        Tilts φ of either sign (rad).
 
     Returns
     -------
-    array with the shape of `tilt`
-        Angles in rad. They are negative outside the workspace.
+    (...) array
+        Angles (rad) in the shape of `tilt`. They are negative outside the workspace.
 
     Raises
     ------
@@ -176,27 +223,57 @@ def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
 
 
 def smallest_singular_value(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Return the smallest singular value (n,) of the angular part of the Jacobian.
+    """Compute the smallest singular value of the angular part of the Jacobian.
 
-    The columns of the angular part are the three revolute axes. The value is dimensionless and
-    depends on θ2 alone. It is zero at the workspace boundary, where the axes are coplanar. `q` (n,
-    4) are joint positions, rad and m.
+    The columns of the angular part are the three revolute axes, so the value is dimensionless and
+    depends on θ2 alone. It is zero at the workspace boundary, where the axes are coplanar.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes of the robot.
+    q : (n, 4) array
+        Joint positions (rad and m).
+
+    Returns
+    -------
+    (n,) array
+        Smallest singular values.
     """
     values = np.linalg.svd(space_jacobian(mechanism, q)[:, 3:, :3], compute_uv=False)
     return np.asarray(values[:, 2], dtype=float)
 
 
 def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
-    """Return (dθ1/dφ, dθ2/dφ, dθ3/dφ) (..., 3) at constant roll and spin for tilts (...) in rad.
+    """Compute the joint velocities per unit tilt velocity at constant roll and spin.
 
     With x = θ2 − δ, and P and E of the module `mechanism`, the derivatives on the home side are
 
         dθ2/d|φ| = sin |φ| / (sin α sin β sin x)
         dθ1/d|φ| = E / (sin α sin x sin |φ|)
-        dθ3/d|φ| = −P / (sin β sin x sin |φ|)
+        dθ3/d|φ| = −P / (sin β sin x sin |φ|).
 
-    The result is infinite at the workspace boundary and NaN outside. `branch` is the sign of sin x,
-    +1 or −1. Raises GeometryError for another branch or a tilt outside [−π, π].
+    For negative tilts, all three change their signs, because φ = −|φ|.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes of the robot.
+    tilt : (...) array-like
+        Tilts φ (rad).
+    branch : int
+        Sign of sin x, +1 or −1.
+
+    Returns
+    -------
+    (..., 3) array
+        Derivatives dθ1/dφ, dθ2/dφ and dθ3/dφ. They are infinite at the workspace boundary, and NaN
+        outside the workspace.
+
+    Raises
+    ------
+    GeometryError
+        If the branch is neither +1 nor −1, or a tilt is outside [−π, π].
     """
     alpha = mechanism.alpha
     beta = mechanism.beta
@@ -221,7 +298,13 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
 
 
 def _check_tilts(value: ArrayLike) -> Array:
-    """Return tilts as an array of any shape, rad. Raises GeometryError for one outside [−π, π]."""
+    """Return tilts (rad) as an array (...) of any shape.
+
+    Raises
+    ------
+    GeometryError
+        If a tilt is outside [−π, π] or not finite.
+    """
     tilts = np.asarray(value, dtype=float)
     if not np.all(np.abs(tilts) <= math.pi + 1e-9):
         raise GeometryError(
@@ -231,7 +314,7 @@ def _check_tilts(value: ArrayLike) -> Array:
 
 
 REGION_TOLERANCE = 1e-12
-"""Largest distance in rad by which a corner may lie outside its region."""
+"""Rounding error (rad) by which a corner of a design region may miss the required margin."""
 
 
 @record
@@ -274,7 +357,14 @@ class DesignRegion:
         return alpha, beta
 
     def contains(self, alpha: float, beta: float) -> bool:
-        """Return True if the angles (α, β) in rad reach the range with the margin."""
+        """Return True if a mechanism with the angles α and β reaches the range with the margin.
+
+        Parameters
+        ----------
+        alpha, beta : float
+            Angles α between the axes of joints 1 and 2, and β between those of joints 2 and 3
+            (rad).
+        """
         return design_margin(alpha, beta, self.tilt_range) >= self.margin - REGION_TOLERANCE
 
 
@@ -283,27 +373,34 @@ def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> Des
     """Compute all angles (α, β) of mechanisms that reach a range of tilts.
 
     α is the angle between the axes of joints 1 and 2, and β that between the axes of joints 2 and
-    3. With a and b, the smallest and the largest |tilt| of the range, the corner with the smallest
-    α is ((b − a)/2 + margin, (a + b)/2), for example (30°, 110°) for the tilts (−140°, −80°). A
-    range that contains the tilt 0 needs α = β. Without a margin, the ends of the range are on the
-    workspace boundary for this corner, where joint speeds are unbounded. A design that is to be
-    built therefore needs a margin.
+    3. With the smallest and the largest magnitude a and b of the tilts in the range, the conditions
+    are
+
+        |α − β| ≤ a − margin,   b + margin ≤ α + β ≤ 2π − (b + margin).
+
+    They describe a rectangle in the plane of α and β. Its corner with the smallest α is ((b − a)/2
+    + margin, (a + b)/2), for example (30°, 110°) for the tilts (−140°, −80°) without a margin. A
+    range that contains the tilt 0 needs α = β.
+
+    Without a margin, this corner has both ends of the range on the workspace boundary, where joint
+    speeds are unbounded. A design that is to be built therefore needs a margin.
 
     Parameters
     ----------
     tilt_low, tilt_high : float
-        Range of the signed tilt in rad.
+        Smallest and largest signed tilt (rad).
     margin : float
-        Required distance of both ends from the workspace boundary in rad.
+        Required distance (rad) of both ends of the range from the workspace boundary.
 
     Returns
     -------
     DesignRegion
+        Corners of the rectangle. There are none if no mechanism reaches the range with the margin.
 
     Raises
     ------
     GeometryError
-        If the range or the margin is not in [−π, π] or [0, π].
+        If the range is reversed or outside [−π, π], or the margin is outside [0, π].
 
     Examples
     --------
@@ -334,10 +431,26 @@ def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> Des
 
 
 def design_margin(alpha: float, beta: float, tilt_range: Range) -> float:
-    """Return the angle in rad by which the workspace of (α, β) exceeds both ends of a tilt range.
+    """Compute the angle by which the workspace of (α, β) exceeds both ends of a tilt range.
 
-    The angle is negative if the workspace does not contain the range. `alpha`, `beta` and the range
-    are in rad. Raises GeometryError if an angle is out of range.
+    It is the smaller of the two distances at the smallest and the largest magnitude of the tilt.
+
+    Parameters
+    ----------
+    alpha, beta : float
+        Angles α between the axes of joints 1 and 2, and β between those of joints 2 and 3 (rad).
+    tilt_range : (float, float)
+        Smallest and largest signed tilt (rad).
+
+    Returns
+    -------
+    float
+        Angle (rad). It is negative if the workspace does not contain the range.
+
+    Raises
+    ------
+    GeometryError
+        If α or β is outside [0, π], or the range is reversed or outside [−π, π].
     """
     check_angles(alpha, beta)
     low, high = magnitude_range("tilt_range", tilt_range)
