@@ -1,4 +1,9 @@
-"""Write files atomically and durably, so that a file appears completely or not at all."""
+"""Write files atomically and durably, so that a file appears completely or not at all.
+
+`replacing` writes one file, and `staging` provides a temporary folder for several. Both write next
+to the destination, so that the final step is a renaming, which operating systems do at once.
+`held_signals` and `first_interruption` control the effect of Ctrl-C.
+"""
 
 import glob
 import os
@@ -34,10 +39,27 @@ The message about an interruption lists them.
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path that replaces `path` when the block ends without an exception.
+    """Yield a temporary path that replaces a file when the `with` block ends without an exception.
 
-    A symbolic link is followed. Raises ExportError if the folder cannot be written or if `path` is
-    not a regular file, such as a device. An existing file is then unchanged.
+    The block writes the temporary file, which is in the folder of the destination. At the end of
+    the block, its content is flushed to the disk, and it is renamed. If anything fails, an existing
+    file remains unchanged. A symbolic link is followed, so that the file to which it leads is
+    replaced.
+
+    Parameters
+    ----------
+    path : Path
+        Destination. Missing folders are created.
+
+    Yields
+    ------
+    Path
+        Temporary path that the block must write.
+
+    Raises
+    ------
+    ExportError
+        If the folder cannot be written, or if `path` is not a regular file, such as a device.
     """
     temporary = None
     try:
@@ -68,17 +90,46 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file in UTF-8 that replaces `path` at once. Raises what `replacing` raises."""
+    """Write a text file in UTF-8 that replaces an existing file at once.
+
+    Parameters
+    ----------
+    path : Path
+        Destination.
+    text : str
+        Content of the file.
+
+    Raises
+    ------
+    ExportError
+        See `replacing`.
+    """
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 @contextmanager
 def staging(folder: Path) -> Iterator[Path]:
-    """Yield an empty temporary folder, and remove it at the end of the block.
+    """Yield an empty temporary folder, and remove it at the end of the `with` block.
 
-    The temporary folder is in `folder`, or beside it if `folder` does not exist. Raises ExportError
-    if it cannot be created.
+    The block moves the files to their destination before it ends. A lock on the temporary folder
+    shows other processes that it is in use.
+
+    Parameters
+    ----------
+    folder : Path
+        Destination of the files. The temporary folder is in `folder`, or beside it if `folder` does
+        not exist.
+
+    Yields
+    ------
+    Path
+        Temporary folder.
+
+    Raises
+    ------
+    ExportError
+        If the temporary folder cannot be created, or if `folder` is not a folder.
     """
     temporary = None
     try:
@@ -115,9 +166,17 @@ def remove_temporaries() -> None:
 
 
 def _remove_abandoned(parent: Path, stem: str) -> None:
-    """Remove temporary folders that killed processes left behind.
+    """Remove the temporary folders that killed processes left behind.
 
-    `stem` is the beginning of their names. A process that still runs holds a lock on its folder.
+    A process that still runs holds a lock on its folder, so its folder remains. Folders younger
+    than `ABANDONED_AGE` remain, too, because their process may not have locked them yet.
+
+    Parameters
+    ----------
+    parent : Path
+        Folder that contains the temporary folders.
+    stem : str
+        Beginning of their names, which 12 hexadecimal digits follow.
     """
     for stale_path in parent.glob(f"{glob.escape(stem)}{'[0-9a-f]' * 12}"):
         with suppress(OSError):
@@ -130,8 +189,20 @@ def _remove_abandoned(parent: Path, stem: str) -> None:
 def locked(folder: Path, wait: bool = True) -> Iterator[None]:
     """Hold an exclusive lock on a folder during a `with` block.
 
-    The lock has no effect on systems or file systems without locks. Raises OSError if `wait` is
-    false and another process has the lock.
+    The lock has no effect on systems or file systems without locks, or if the folder cannot be
+    opened.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder that no other process may lock meanwhile.
+    wait : bool
+        True to wait until another process releases the lock.
+
+    Raises
+    ------
+    OSError
+        If `wait` is false and another process has the lock.
     """
     if os.name != "posix":
         yield
@@ -157,8 +228,22 @@ def locked(folder: Path, wait: bool = True) -> Iterator[None]:
 def resolve_destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
     """Follow symbolic links, and return the path to which they lead.
 
-    `file_type_wanted` is stat.S_IFREG for a file or stat.S_IFDIR for a folder. Raises ExportError
-    if the path exists and is of another type.
+    Parameters
+    ----------
+    path : Path
+        File or folder, which need not exist.
+    file_type_wanted : int
+        stat.S_IFREG for a file, or stat.S_IFDIR for a folder.
+
+    Returns
+    -------
+    Path
+        Absolute path without symbolic links.
+
+    Raises
+    ------
+    ExportError
+        If the path exists and is of another type.
     """
     target = Path(os.path.realpath(path))
     try:
@@ -176,7 +261,17 @@ def resolve_destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Pat
 
 
 def flush_to_disk(path: Path, content: bool = True) -> None:
-    """Flush a file to the disk, or a folder with (`content`) the files in it."""
+    """Wait until the operating system has written a file or a folder to the disk.
+
+    After a power failure, the file then still has its content, and the folder its entries.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
+    content : bool
+        True to flush the files in a folder and in its subfolders, too.
+    """
     if path.is_dir():
         for entry in path.iterdir() if content else ():
             flush_to_disk(entry)
@@ -194,7 +289,10 @@ def flush_to_disk(path: Path, content: bool = True) -> None:
 def held_signals() -> Iterator[None]:
     """Delay Ctrl-C and termination signals until the end of a `with` block.
 
-    The block must be short, such as the replacement of files, which takes a few milliseconds.
+    An interruption can therefore not occur between two steps that belong together. The block must
+    be short, such as the replacement of files, which takes a few milliseconds. If several signals
+    arrive, only the first one is raised at the end. In other threads than the main thread, which do
+    not receive signals, the function has no effect.
     """
     # Only the main thread receives signals.
     if threading.current_thread() is not threading.main_thread():
@@ -224,11 +322,16 @@ def held_signals() -> Iterator[None]:
 
 @contextmanager
 def first_interruption() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns True after the first Ctrl-C in a `with` block.
+    """Yield a function that tells whether the user has pressed Ctrl-C in a `with` block.
 
-    The first Ctrl-C raises KeyboardInterrupt in the block. The next one is handled as outside the
-    block. Only the main thread receives signals; in another thread the function always returns
-    False.
+    The first Ctrl-C raises KeyboardInterrupt in the block, so that a search can end with its best
+    result. The next Ctrl-C has the same effect as outside the block. Only the main thread receives
+    signals, so in another thread the function always returns False.
+
+    Yields
+    ------
+    callable
+        Function without arguments that returns True after the first Ctrl-C.
     """
     handler = signal.getsignal(signal.SIGINT)
     interruption = threading.Event()
@@ -237,7 +340,7 @@ def first_interruption() -> Iterator[Callable[[], bool]]:
         return
 
     def interrupt(number: int, _: FrameType | None) -> None:
-        """Restore the handler, and raise KeyboardInterrupt."""
+        """Restore the previous handler of Ctrl-C, and raise KeyboardInterrupt."""
         interruption.set()
         signal.signal(number, handler)
         raise KeyboardInterrupt

@@ -1,8 +1,10 @@
-"""Compute the fastest timing of a path by the package toppra.
+"""Compute the fastest timing of a path with the package toppra.
 
-TOPP-RA [1] limits the speed ṡ and the acceleration s̈ along a path s by linear rows. A backward
-pass computes the speeds from which the end can be reached, and a forward pass takes the largest of
-them.
+A timing assigns a speed ṡ to every point s of a path. TOPP-RA [1] describes the limits of the
+motion by rows, that is, by inequalities that are linear in ṡ² and in the acceleration s̈. A
+backward pass along the path computes the speeds from which the end can be reached, and a forward
+pass takes the largest of them at each point. The planner and the cross-check of its result call
+`largest_speeds`.
 
 [1] H. Pham, Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability
 analysis, IEEE Trans. Robotics 34, 2018.
@@ -16,9 +18,12 @@ import numpy as np
 from ssm_planner.typing import Array
 
 Rows = tuple[Array, Array, Array]
-"""Coefficients a, b and c of rows a s̈ + b ṡ² + c ≤ 1 at n points, (n, rows) each."""
+"""Coefficients a, b and c of k rows a s̈ + b ṡ² + c ≤ 1 in each of n intervals, (n, k) each."""
 SMALLEST_COEFFICIENT = 1e-9
-"""Smallest coefficient by which a row is divided, and tolerance of rows without coefficients."""
+"""Smallest coefficient by which a row is divided.
+
+It is also the tolerance of rows that contain neither s̈ nor ṡ², so that only c ≤ 1 remains.
+"""
 
 
 def largest_speeds(
@@ -32,25 +37,31 @@ def largest_speeds(
 ) -> Array | None:
     """Compute the largest squared speeds ṡ² on a grid of n intervals of a path.
 
-    The acceleration s̈ is constant in each interval.
+    The acceleration s̈ is constant in each interval, so ṡ² grows by 2 s̈ Δ over an interval of the
+    length Δ. With this relation, the rows at the end of an interval become rows in s̈ and in ṡ² at
+    its start. Every row is divided by the larger magnitude of a and b, so that the absolute
+    tolerances of toppra have the same meaning for all rows.
 
     Parameters
     ----------
-    grid : (n + 1,)
-        Ends of the intervals.
-    start_rows, end_rows : Rows
-        Rows at the start and at the end of every interval.
-    ceiling : (n + 1,)
-        Largest ṡ² that speed limits allow.
+    grid : (n + 1,) array
+        Values of s at the ends of the intervals, increasing.
+    start_rows : Rows
+        Rows that apply at the start of every interval.
+    end_rows : Rows
+        Rows that apply at the end of every interval.
+    ceiling : (n + 1,) array
+        Largest ṡ² that speed limits allow at each grid point.
     speeds : (float, float)
-        Speed ṡ at both ends of the path.
+        Speeds ṡ at the start and at the end of the path.
     exact_ends : bool
-        If false, the motion may be slower at its ends.
+        True if the motion must have exactly these speeds. If false, the motion may be slower at its
+        ends.
 
     Returns
     -------
-    (n + 1,) or None
-        Largest ṡ² at the ends of the intervals, or None if no motion is possible.
+    (n + 1,) array or None
+        Largest ṡ² at the grid points, or None if no timing satisfies all rows.
     """
     import toppra
     from toppra.constraint import LinearConstraint

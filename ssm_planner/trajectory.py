@@ -1,6 +1,8 @@
 """Represent joint motions as piecewise polynomials in time.
 
-The planner writes this form, the check judges it, and the exports sample it.
+The planner computes motions in this form, the check verifies them, and the exports evaluate them at
+many times. The main class is `Trajectory`. The functions at the end of the module compute
+polynomial coefficients from the states at the ends of a piece, and join phases to a trajectory.
 """
 
 import json
@@ -21,13 +23,19 @@ SHORTEST_PIECE = 1e-12
 LARGEST_TIME = 1e9
 """Largest absolute time, s."""
 LARGEST_DISPLACEMENT = 1e9
-"""Largest displacement within a piece, rad or m. Derivatives of larger displacements overflow."""
+"""Largest displacement (rad or m) that one term of a polynomial may give within its piece.
+
+The derivatives of larger terms overflow.
+"""
 PIECES_PER_BLOCK = 65_536
 """Number of pieces that are evaluated together, which bounds the memory in use."""
 TIME_ROUNDING = 1e-9
-"""Relative rounding error by which a time may lie outside the trajectory."""
+"""Rounding error by which a time may lie outside the trajectory.
+
+It is relative to the largest absolute time of the trajectory, or to 1 s for smaller times.
+"""
 Side = Literal["left", "right"]
-"""Side of a break on which a motion is evaluated."""
+"""Side from which a motion is evaluated at a break, where its acceleration may jump."""
 
 
 @frozen
@@ -51,26 +59,33 @@ class Span:
 
 @record
 class Samples:
-    """Motion that is sampled at n times: t (n,), q, qd, qdd and qddd (n, 4), in rad, m and s.
+    """Motion of the four joints, evaluated at n times.
 
-    Examples
-    --------
-    >>> import ssm_planner as ssm
-    >>> samples = ssm.load_plan("results/tilt_insert").motion.sample([0.1, 0.2, 0.3])
-    >>> samples.q.shape, samples.qd.shape
-    ((3, 4), (3, 4))
+    Examples -------- >>> import ssm_planner as ssm >>> samples =
+    ssm.load_plan("results/tilt_insert").motion.sample([0.1, 0.2, 0.3]) >>> samples.q.shape,
+    samples.qd.shape ((3, 4), (3, 4))
     """
 
     t: Array
+    """Times (n,), s."""
     q: Array
+    """Joint positions (n, 4), rad and m."""
     qd: Array
+    """Joint velocities (n, 4), rad/s and m/s."""
     qdd: Array
+    """Joint accelerations (n, 4), rad/s² and m/s²."""
     qddd: Array
+    """Joint jerks (n, 4), rad/s³ and m/s³."""
 
     def to_dataframe(self) -> Any:
-        """Return a pandas DataFrame with the columns t, q1 … q4, qd1 … qddd4 in rad, m and s.
+        """Return the samples as a pandas DataFrame with one row for each time.
 
-        Raises SsmPlannerError if pandas is not installed.
+        The columns are t, q1 … q4, qd1 … qd4, qdd1 … qdd4 and qddd1 … qddd4 in rad, m and s.
+
+        Raises
+        ------
+        SsmPlannerError
+            If pandas is not installed.
         """
         columns = {"t": self.t}
         for name in ("q", "qd", "qdd", "qddd"):
@@ -130,7 +145,14 @@ class Trajectory:
             self.coefficients.setflags(write=False)
 
     def _check_breaks(self) -> None:
-        """Raise TrajectoryError unless the breaks increase and are in the permitted range."""
+        """Check that the breaks increase and are in the permitted range.
+
+        Raises
+        ------
+        TrajectoryError
+            If the breaks do not increase, a piece is shorter than `SHORTEST_PIECE`, or a time is
+            beyond `LARGEST_TIME`.
+        """
         shortest = np.diff(self.breaks).min()
         if shortest <= 0:
             raise TrajectoryError("the breaks of a trajectory must increase")
@@ -140,8 +162,18 @@ class Trajectory:
             )
 
     def _check_pieces(self, block: slice) -> None:
-        """Raise TrajectoryError if pieces are not finite or move by more than
-        `LARGEST_DISPLACEMENT`.
+        """Check the coefficients of some pieces.
+
+        Parameters
+        ----------
+        block : slice
+            Indices of the pieces.
+
+        Raises
+        ------
+        TrajectoryError
+            If a break or a coefficient is not finite, or if a term of a polynomial exceeds
+            `LARGEST_DISPLACEMENT` at the end of its piece.
         """
         coefficients = self.pieces(block)
         if not (np.isfinite(self.breaks).all() and np.isfinite(coefficients).all()):
@@ -194,7 +226,7 @@ class Trajectory:
         return cls(times, interpolate(np.diff(times), starts, ends), ())
 
     def _repr_html_(self) -> str:
-        """Return the duration and the phases as HTML for notebooks."""
+        """Return the duration and a table of the phases as HTML, which notebooks display."""
         return f"<p>{self.duration:.6g} s</p>{html_table([vars(span) for span in self.phases])}"
 
     @property
@@ -203,33 +235,55 @@ class Trajectory:
         return float(self.breaks[-1] - self.breaks[0])
 
     def pieces(self, index: Indices | slice) -> Array:
-        """Return the coefficients (n, 6, 4) of the pieces with these indices, rad/s^k and m/s^k."""
+        """Return the coefficients of some pieces.
+
+        Parameters
+        ----------
+        index : (n,) array or slice
+            Indices of the pieces.
+
+        Returns
+        -------
+        (n, 6, 4) array
+            Coefficients of each piece, power k and joint (rad/s^k and m/s^k).
+        """
         return self.coefficients[index]
 
     def piece_of(self, t: Array, side: Side = "right") -> Indices:
-        """Return the index (n,) of the piece that contains each time t (n,) in s.
+        """Return the index of the piece that contains each of n times.
 
-        At a break, `side` selects the piece to its right or to its left.
+        Parameters
+        ----------
+        t : (n,) array
+            Times (s). A time outside the trajectory belongs to the first or to the last piece.
+        side : {"right", "left"}
+            Piece to which a time exactly at a break belongs: the piece after or before the break.
+
+        Returns
+        -------
+        (n,) array
+            Indices of the pieces.
         """
         index = np.searchsorted(self.breaks, t, side) - 1
         return np.clip(index, 0, len(self.breaks) - 2)
 
     def sample(self, t: ArrayLike, side: Side = "right", *, clamp: bool = False) -> Samples:
-        """Evaluate the motion and its derivatives.
+        """Evaluate the motion and its first three derivatives at given times.
 
         Parameters
         ----------
-        t : (n,) or float
-            Times in s between the first and the last break.
+        t : (n,) array or float
+            Times (s) between the first and the last break.
         side : {"right", "left"}
-            One-sided limit at a break, where the acceleration may jump.
+            Side from which the motion is evaluated at a break, where the acceleration may jump.
         clamp : bool
-            Replace a time outside the trajectory by the nearest end instead of raising an error.
+            True to replace a time outside the trajectory by the nearest end instead of raising an
+            error.
 
         Returns
         -------
         Samples
-            Arrays with one row for each time: (n, 4), and (1, 4) for a single time.
+            Arrays (n, 4) with one row for each time, and (1, 4) for a single time.
 
         Raises
         ------
@@ -250,14 +304,16 @@ class Trajectory:
         return self.sample_pieces(index, clipped - self.breaks[index])
 
     def sample_pieces(self, index: Indices, local: Array) -> Samples:
-        """Evaluate given pieces and their derivatives.
+        """Evaluate the motion and its first three derivatives within given pieces.
+
+        Unlike `sample`, the function does not search the piece of each time.
 
         Parameters
         ----------
-        index : (n,)
+        index : (n,) array
             Indices of the pieces.
-        local : (n,)
-            Times since the beginning of each piece, s.
+        local : (n,) array
+            Times since the beginning of each piece (s).
 
         Returns
         -------
@@ -268,7 +324,18 @@ class Trajectory:
         return Samples(self.breaks[index] + local, q, qd, qdd, qddd)
 
     def positions(self, t: Array) -> Array:
-        """Return the joint positions q (n, 4) in rad and m at times t (n,) in s."""
+        """Evaluate the joint positions without derivatives, in blocks that need little memory.
+
+        Parameters
+        ----------
+        t : (n,) array
+            Times (s) within the trajectory.
+
+        Returns
+        -------
+        (n, 4) array
+            Joint positions (rad and m).
+        """
         q = np.empty((len(t), 4), order="F")  # the order of the results of `_derivatives`
         for block in blocks(len(t), PIECES_PER_BLOCK):
             index = self.piece_of(t[block])
@@ -276,9 +343,21 @@ class Trajectory:
         return q
 
     def _derivatives(self, index: Indices, local: Array, highest: int) -> list[Array]:
-        """Evaluate q and its derivatives up to order `highest`, each (n, 4), by Horner's method.
+        """Evaluate the joint positions and their derivatives by Horner's method.
 
-        `index` (n,) contains the pieces, and `local` (n,) the times since their beginning in s.
+        Parameters
+        ----------
+        index : (n,) array
+            Indices of the pieces.
+        local : (n,) array
+            Times since the beginning of each piece (s).
+        highest : int
+            Highest order of the derivatives.
+
+        Returns
+        -------
+        list of (n, 4) array
+            q, q̇ and so on up to this order (rad, m and s).
         """
         derivatives = []
         # The values of one coefficient are contiguous in memory, which makes the loop fast.
@@ -294,7 +373,21 @@ class Trajectory:
         return derivatives
 
     def uniform(self, rate: float) -> Samples:
-        """Sample the motion at a fixed rate in Hz. The last sample is the end of the trajectory."""
+        """Sample the motion at a fixed rate.
+
+        The last sample is the end of the trajectory, so the last interval may be shorter than the
+        others.
+
+        Parameters
+        ----------
+        rate : float
+            Samples per second (Hz).
+
+        Returns
+        -------
+        Samples
+            Motion at the times start, start + 1/rate, … and end.
+        """
         count = int(np.floor(self.duration * rate * (1 + 1e-12)))
         t = self.breaks[0] + np.arange(count + 1) / rate
         if self.breaks[-1] - t[-1] > 1e-9:
@@ -303,14 +396,25 @@ class Trajectory:
         return self.sample(t)
 
     def slower(self, speed: float) -> "Trajectory":
-        """Return the motion along the same path at a share `speed` of its speed.
+        """Return the motion along the same path at a constant fraction of its speed.
 
-        The start time does not change.
+        The position at the time t is that of the original motion at start + speed · (t − start).
+        The start time does not change, and the duration is divided by `speed`.
+
+        Parameters
+        ----------
+        speed : float
+            Speed as a multiple of the original speed, above 0.
+
+        Returns
+        -------
+        Trajectory
+            The slower motion with the same phases.
         """
         start = self.breaks[0]
 
         def later(time: Any) -> Any:
-            """Return the time at which the slower motion reaches the position of a time."""
+            """Return the time at which the slower motion has the position of the given time (s)."""
             return start + (time - start) / speed
 
         powers = speed ** np.arange(DEGREE + 1)[None, :, None]
@@ -318,7 +422,11 @@ class Trajectory:
         return Trajectory(later(self.breaks), self.coefficients * powers, tuple(phases))
 
     def to_dict(self) -> JsonObject:
-        """Convert the trajectory to JSON types, in s, rad and m, as plan.json contains it."""
+        """Convert the trajectory to JSON types, as plan.json contains it.
+
+        The keys are "breaks_s" (s), "coefficients" (rad/s^k and m/s^k) and "phases", a list of
+        mappings with "name", "start_s" and "end_s" (s).
+        """
         return {
             "breaks_s": self.breaks.tolist(),
             "coefficients": self.pieces(slice(None)).tolist(),
@@ -326,14 +434,17 @@ class Trajectory:
         }
 
     def _spans(self) -> list[JsonObject]:
-        """Return the phases as JSON types."""
+        """Return the phases as a list of mappings with the keys name, start_s and end_s (s)."""
         return [
             {"name": phase.name, "start_s": phase.start, "end_s": phase.end}
             for phase in self.phases
         ]
 
     def json_parts(self) -> Iterator[str]:
-        """Yield the result of `to_dict` as JSON in parts, with one line for each piece."""
+        """Yield the result of `to_dict` as JSON text in parts.
+
+        A long motion therefore needs little memory. The coefficients of each piece are on one line.
+        """
         yield f'{{"breaks_s": {json.dumps(self.breaks.tolist())}, "coefficients": '
         separator = "["
         for block in blocks(len(self.breaks) - 1, PIECES_PER_BLOCK // 64):
@@ -346,8 +457,21 @@ class Trajectory:
     def from_dict(cls, data: JsonObject) -> "Trajectory":
         """Build a trajectory from the result of `to_dict`.
 
-        Raises TrajectoryError if the data are invalid, or if the phases do not cover the
-        trajectory.
+        Parameters
+        ----------
+        data : dict
+            Mapping with the keys "breaks_s", "coefficients" and "phases".
+
+        Returns
+        -------
+        Trajectory
+            Motion with at least one phase.
+
+        Raises
+        ------
+        TrajectoryError
+            If a key is missing or a value is invalid, or if the phases do not follow one another
+            from the start to the end of the trajectory.
         """
         try:
             phases = tuple(
@@ -375,7 +499,23 @@ class Trajectory:
 
 
 def _numbers(data: Any) -> Array:
-    """Convert nested lists of numbers to an array. Raises TypeError for other entries."""
+    """Convert nested lists of numbers to an array of floats.
+
+    Parameters
+    ----------
+    data : nested lists or array
+        Numbers. All lists on one level must have the same length.
+
+    Returns
+    -------
+    array
+        The numbers, with one axis for each level of the lists.
+
+    Raises
+    ------
+    TypeError
+        If an entry is not an int or a float, or lists differ in length.
+    """
     if not isinstance(data, np.ndarray):
         data = np.array(data, dtype=object)
         if not {int, float}.issuperset(map(type, data.flat)):
@@ -384,10 +524,27 @@ def _numbers(data: Any) -> Array:
 
 
 def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, list[Array]]:
-    """Convert times (n,) and states (n, 4) of a motion to arrays.
+    """Check the samples of a motion, and convert them to arrays.
 
-    Raises TrajectoryError if there are fewer than two samples, the shapes disagree, the times do
-    not increase, or a number is not finite.
+    Parameters
+    ----------
+    t : (n,) array-like
+        Times (s).
+    values : sequence of (n, 4) array-like
+        Joint positions and, if given, their derivatives (rad, m and s).
+
+    Returns
+    -------
+    times : (n,) array
+        The times (s).
+    states : list of (n, 4) array
+        The positions and their derivatives.
+
+    Raises
+    ------
+    TrajectoryError
+        If there are fewer than two samples, the shapes disagree, the times do not increase, or a
+        number is not finite.
     """
     try:
         times = np.atleast_1d(np.array(t, dtype=float))
@@ -402,22 +559,41 @@ def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, li
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
-    """Divide range(count) into consecutive slices of at most `size` entries."""
+    """Divide the indices 0, …, count − 1 into consecutive slices.
+
+    Functions that process many items need less memory if they process one slice after the other.
+
+    Parameters
+    ----------
+    count : int
+        Number of indices.
+    size : int
+        Largest number of indices in a slice.
+
+    Returns
+    -------
+    iterator of slice
+        The slices. All except the last have `size` indices.
+    """
     return (slice(start, min(start + size, count)) for start in range(0, count, size))
 
 
 def part_indices(counts: Indices) -> tuple[Indices, Indices]:
-    """Return the indices of all parts into which polynomial pieces are divided.
+    """Number the parts into which polynomial pieces are divided.
+
+    For example, the counts (2, 1) give the pieces (0, 0, 1) and the parts (0, 1, 0).
 
     Parameters
     ----------
-    counts : (m,)
-        Number of parts of each piece.
+    counts : (m,) array
+        Number of parts of each of m pieces. Their sum is n.
 
     Returns
     -------
-    piece, part : (n,)
-        Index of the piece of each part, and index of the part within its piece.
+    piece : (n,) array
+        Index of the piece to which each part belongs.
+    part : (n,) array
+        Index of each part within its piece.
     """
     piece = np.repeat(np.arange(len(counts)), counts)
     number_of_earlier_parts = np.cumsum(counts) - counts
@@ -458,19 +634,26 @@ def quintic_coefficients(length: Array, start: tuple[Array, ...], end: tuple[Arr
 
 
 def cubic_coefficients(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
-    """Compute cubic polynomials with given position and velocity at both ends.
+    """Compute cubic polynomials with given positions and velocities at both ends.
+
+    By Hermite interpolation with q0 and v0 at the start, q1 and v1 at the end, and the duration h
+    of a piece,
+
+        q(τ) = q0 + v0 τ + c2 τ² + c3 τ³   for 0 ≤ τ ≤ h
+        c2 = (3 (q1 − q0)/h − 2 v0 − v1) / h
+        c3 = (v0 + v1 − 2 (q1 − q0)/h) / h².
 
     Parameters
     ----------
-    length : (m,)
-        Durations of the pieces, s.
-    start, end : two arrays (m, 4)
-        q and q̇ at the start and at the end of every piece.
+    length : (m,) array
+        Durations h of the pieces (s).
+    start, end : two (m, 4) arrays each
+        Joint positions and velocities at the start and at the end of every piece (rad, m and s).
 
     Returns
     -------
-    (m, 6, 4)
-        Coefficients of the pieces.
+    (m, 6, 4) array
+        Coefficients c_0 to c_5 of every piece and joint (rad/s^k and m/s^k). c_4 and c_5 are zero.
     """
     h = length[:, None]
     q0, v0 = start
@@ -484,9 +667,10 @@ def cubic_coefficients(length: Array, start: tuple[Array, ...], end: tuple[Array
 
 @record
 class CubicPiece:
-    """Cubic polynomial u(t) on 0 ≤ t ≤ h, with given state at t = 0 and acceleration at both ends.
+    """Cubic polynomial u(t) on 0 ≤ t ≤ h with linear acceleration.
 
-    With c = t / h and r = a1 − a0:
+    The position u and the velocity v at t = 0, and the accelerations a0 at t = 0 and a1 at t = h
+    determine it. With c = t / h and r = a1 − a0:
 
         ü = a0 + c r
         u̇ = v + t (a0 + c r / 2)
@@ -507,7 +691,13 @@ class CubicPiece:
     """Duration, s."""
 
     def evaluate(self, c: Any) -> tuple[Any, Any, Any]:
-        """Return u, u̇ and ü at the time c · h, where c is between 0 and 1."""
+        """Return the position u, the velocity u̇ and the acceleration ü at the time c · h.
+
+        Parameters
+        ----------
+        c : array or expression
+            Time as a fraction of the duration h, between 0 and 1.
+        """
         t = c * self.h
         rise = self.a1 - self.a0
         return (
@@ -517,7 +707,13 @@ class CubicPiece:
         )
 
     def at_time(self, t: Any) -> tuple[Any, Any, Any]:
-        """Return u, u̇ and ü at the time t in s."""
+        """Return the position u, the velocity u̇ and the acceleration ü at the time t.
+
+        Parameters
+        ----------
+        t : array or expression
+            Time since the start of the piece (s).
+        """
         a0 = self.a0
         jerk = self.jerk
         return (
@@ -550,19 +746,36 @@ class CubicPiece:
 
 
 def rest_coefficients(q: Array) -> Array:
-    """Return the coefficients (1, 6, 4) of one piece at rest at joint positions q (4,)."""
+    """Return the coefficients of one piece in which all joints rest.
+
+    Parameters
+    ----------
+    q : (4,) array
+        Joint positions (rad and m).
+
+    Returns
+    -------
+    (1, 6, 4) array
+        Coefficients for `Trajectory`. All except the constant ones are zero.
+    """
     coefficients = np.zeros((1, DEGREE + 1, 4))
     coefficients[0, 0] = q
     return coefficients
 
 
 def join_sections(sections: Sequence[tuple[str, Array, Array]]) -> Trajectory:
-    """Join phases to one trajectory, one after the other.
+    """Join phases to one trajectory, one after the other, from the time 0.
 
     Parameters
     ----------
-    sections : sequence of (str, (m + 1,), (m, 6, 4))
-        Name, breaks in s and coefficients of each phase. The breaks of each phase start at 0.
+    sections : sequence of (str, (m + 1,) array, (m, 6, 4) array)
+        Name, breaks (s) and coefficients (rad/s^k and m/s^k) of each phase with m pieces. The
+        breaks of each phase start at 0.
+
+    Returns
+    -------
+    Trajectory
+        Motion with one named phase for each entry.
 
     Raises
     ------

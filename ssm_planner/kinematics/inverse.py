@@ -101,9 +101,9 @@ def inverse_tip(
     branch +1), (depth > 0, −1), (depth < 0, +1), (depth < 0, −1).
 
     A tip at the RCM does not determine the direction of the tool. The tool then has the direction
-    that it has at `reference`, or at q = 0 without a reference. Both depths are
-    then zero up to `REACH_TOLERANCE`, so the solutions of the second depth repeat those of the
-    first. They are marked as not reaching the tip.
+    that it has at `reference`, or at q = 0 without a reference. Both depths are then zero up to
+    `REACH_TOLERANCE`, so the solutions of the second depth repeat those of the first. They are
+    marked as not reaching the tip.
 
     Parameters
     ----------
