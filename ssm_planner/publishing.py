@@ -4,6 +4,8 @@ A generation consists of all files that belong to one plan. The program writes t
 folder. It then writes a manifest.json with the hash of every file and a mark of incompleteness to
 the result folder, moves the files there, and finally writes the manifest without the mark. After an
 interruption, the folder either contains one generation, or its mark shows that it does not.
+
+Exports, that is, files for other programs, are published in the same way.
 """
 
 import hashlib
@@ -27,7 +29,9 @@ from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.typing import JsonObject
 
 MANIFEST = "manifest.json"
+"""Name of the manifest, which lists the files of a folder with their SHA-256."""
 PLAN_FILE = "plan.json"
+"""Name of the file of a plan in its result folder."""
 EXPORT_FORMAT = "ssm_planner export"
 """Value of the key `format` in the manifest of an export folder."""
 RESULT_FORMAT = "ssm_planner results"
@@ -45,7 +49,18 @@ LONGEST_NAME = 100
 def file_name(text: str) -> str:
     """Convert a name from data to a file name that cannot select another folder.
 
-    Characters other than ASCII letters, digits, `-`, `_` and `.` are replaced by `_`.
+    Characters other than ASCII letters, digits, `-`, `_` and `.` are replaced by `_`. Dots at the
+    beginning are removed, and the result has at most `LONGEST_NAME` characters.
+
+    Parameters
+    ----------
+    text : str
+        Name, for example that of a problem.
+
+    Returns
+    -------
+    str
+        File name, or "unnamed" if no character remains.
     """
     cleaned = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in text)
     return cleaned.lstrip(".")[:LONGEST_NAME] or "unnamed"
@@ -54,20 +69,46 @@ def file_name(text: str) -> str:
 def one_line(text: str, without: str = "") -> str:
     """Convert a name from data to text for a comment or title, on one line.
 
-    Characters that are not printable or are in `without` are replaced by `_`.
+    Parameters
+    ----------
+    text : str
+        Name, for example that of a problem.
+    without : str
+        Characters that the text must not contain, such as those that end a comment.
+
+    Returns
+    -------
+    str
+        The name, in which `_` replaces characters that are not printable or are in `without`.
     """
     return "".join(c if c.isprintable() and c not in without else "_" for c in text)
 
 
 @contextmanager
 def publishing(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder whose content is moved into `folder` at the end of the block.
+    """Yield a temporary folder whose content is moved into a folder at the end of the `with` block.
 
-    A manifest.json in the temporary folder lists the files (`files`: name → SHA-256). Files of an
-    earlier generation that are not in the new one are removed unless they were changed. Other files
-    remain. If the block raises an exception, nothing changes. Raises ExportError, without any
-    change, if the folder cannot be written, if it is not a folder of results, or if it contains a
-    file with the name of a new file that no export wrote.
+    The block may write a manifest.json, which lists the files (`files`: name → SHA-256), into the
+    temporary folder. The new files then replace those of an earlier generation. Files of the
+    earlier generation that are not in the new one are removed, unless they were changed since. All
+    other files in the folder remain. If the block raises an exception, nothing changes.
+
+    Parameters
+    ----------
+    folder : Path
+        Destination, which need not exist.
+
+    Yields
+    ------
+    Path
+        Temporary folder.
+
+    Raises
+    ------
+    ExportError
+        Without any change, if the folder cannot be written, if it contains files of another format
+        or plan, or if files that no export wrote would be replaced. Single files may be replaced
+        unless the new files are an export.
     """
     with staging(folder) as temporary:
         yield temporary
@@ -79,8 +120,24 @@ def publishing_results(folder: Path, plan: str | None = None) -> Iterator[Path]:
     """Yield a temporary folder like `publishing`, for files made from one plan.
 
     If a plan.json is among the files, they form a new generation. Otherwise they are added to the
-    files of the plan whose SHA-256 is `plan`. Raises ExportError if the folder contains another
-    plan.
+    files of the same plan in the folder. The function writes the manifest.
+
+    Parameters
+    ----------
+    folder : Path
+        Destination, which need not exist.
+    plan : str, optional
+        SHA-256 of the plan.json from which the files are made, if it is not among them.
+
+    Yields
+    ------
+    Path
+        Temporary folder.
+
+    Raises
+    ------
+    ExportError
+        If the folder contains another plan, and for the reasons of `publishing`.
     """
     with publishing(folder) as temporary:
         yield temporary
@@ -97,9 +154,26 @@ def publishing_results(folder: Path, plan: str | None = None) -> Iterator[Path]:
 
 @contextmanager
 def replacing_result(path: Path, plan: str) -> Iterator[Path]:
-    """Yield a path like `replacing` for a file made from one plan.
+    """Yield a temporary path like `replacing`, for one file made from a plan.
 
-    The SHA-256 of the plan is `plan`. In the result folder of this plan, the manifest is updated.
+    If the file is in a result folder, the manifest of this folder is updated.
+
+    Parameters
+    ----------
+    path : Path
+        Destination.
+    plan : str
+        SHA-256 of the plan.json.
+
+    Yields
+    ------
+    Path
+        Temporary path that the `with` block must write.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written, or if its folder contains the results of another plan.
     """
     if read_manifest(path.parent).get("format") != RESULT_FORMAT:
         with replacing(path) as temporary:
@@ -110,7 +184,18 @@ def replacing_result(path: Path, plan: str) -> Iterator[Path]:
 
 
 def file_hashes(folder: Path) -> dict[str, str]:
-    """Return the SHA-256 of every file below a folder except the manifest, by relative path."""
+    """Compute the hash of every file below a folder, except the manifest of the folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder whose subfolders are searched, too.
+
+    Returns
+    -------
+    dict
+        SHA-256 in hexadecimal by the path of the file relative to the folder.
+    """
     manifest = folder / MANIFEST
     return {
         path.relative_to(folder).as_posix(): sha256(path)
@@ -120,7 +205,7 @@ def file_hashes(folder: Path) -> dict[str, str]:
 
 
 def sha256(path: Path) -> str:
-    """Return the SHA-256 of a file in hexadecimal."""
+    """Compute the SHA-256 of a file in hexadecimal, in blocks that need little memory."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while block := file.read(2**20):
@@ -129,9 +214,17 @@ def sha256(path: Path) -> str:
 
 
 def read_manifest(folder: Path) -> JsonObject:
-    """Read the manifest of a result or export folder.
+    """Read the manifest of a result folder or an export folder.
 
-    The mapping is empty without a valid manifest.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the manifest.
+
+    Returns
+    -------
+    dict
+        Content of the manifest. It is empty if the manifest is missing, too large or invalid.
     """
     path = folder / MANIFEST
     try:
@@ -146,9 +239,19 @@ def read_manifest(folder: Path) -> JsonObject:
 
 
 def listed_files(manifest: JsonObject) -> dict[str, str]:
-    """Return the SHA-256 of each file that a manifest lists, by name.
+    """Return the hash of each file that a manifest lists.
 
-    Names that lead out of its folder are omitted.
+    Names that lead out of the folder of the manifest are omitted.
+
+    Parameters
+    ----------
+    manifest : dict
+        Content of a manifest.
+
+    Returns
+    -------
+    dict
+        SHA-256 in hexadecimal by the name of the file.
     """
     files = manifest.get("files")
     if not isinstance(files, dict):
@@ -157,9 +260,21 @@ def listed_files(manifest: JsonObject) -> dict[str, str]:
 
 
 def check_generation(folder: Path) -> None:
-    """Raise TrajectoryError if a file in a folder differs from the one that its manifest lists.
+    """Check that the files in a folder are those that its manifest lists.
 
-    Folders without a manifest are accepted, and so are missing files.
+    Files of two plans in one folder would contradict each other. Folders without a manifest are
+    accepted, and so are missing files.
+
+    Parameters
+    ----------
+    folder : Path
+        Result folder or export folder.
+
+    Raises
+    ------
+    TrajectoryError
+        If a file differs from the listed one, or if the mark of incompleteness shows that a process
+        was interrupted while it moved files.
     """
     manifest = read_manifest(folder)
     if manifest.get(INCOMPLETE_KEY):
@@ -178,7 +293,19 @@ def check_generation(folder: Path) -> None:
 def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
     """Rename a temporary folder to its final name, or move its files into an existing folder.
 
-    `displayed_path` is the path of the folder as the user wrote it, for messages.
+    Parameters
+    ----------
+    source : Path
+        Temporary folder.
+    folder : Path
+        Destination without symbolic links.
+    displayed_path : Path
+        Destination as the user wrote it, for messages.
+
+    Raises
+    ------
+    ExportError
+        See `_exchange`.
     """
     flush_to_disk(source)
     with held_signals():
@@ -195,9 +322,29 @@ def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
 
 
 def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
-    """Move the content of `source` into a folder. The files that it replaces are moved away first.
+    """Move the content of a temporary folder into an existing folder.
 
-    Raises ExportError, before any change, if a file that no export wrote would be replaced.
+    If the temporary folder has a manifest, the steps are:
+
+    1. Write the manifest with the mark of incompleteness and the names of old and new files.
+    2. Move the new files. Folders that they replace are first moved into the temporary folder.
+    3. Remove the unchanged files of the earlier generation.
+    4. Write the manifest without the mark.
+
+    Parameters
+    ----------
+    source : Path
+        Temporary folder.
+    folder : Path
+        Destination, which exists and is locked.
+    displayed_path : Path
+        Destination as the user wrote it, for messages.
+
+    Raises
+    ------
+    ExportError
+        Before any change, if a file that no export wrote would be replaced, or if the folder
+        contains files of another format or plan.
     """
     manifest = read_manifest(source)
     present_manifest = read_manifest(folder)
@@ -243,18 +390,28 @@ def _combined_manifest(
     manifest: JsonObject,
     present_manifest: JsonObject,
 ) -> JsonObject:
-    """Return the manifest of the new generation.
+    """Compute the manifest of the files that a folder will contain.
 
-    Files without a plan.json are added to the unchanged files of the same plan.
+    Results without a plan.json are added to the unchanged files of the same plan. Their manifest in
+    the temporary folder is then rewritten with all files. Other files form a new generation.
 
     Parameters
     ----------
-    source, folder : Path
-        Temporary folder with the new files, and folder into which they will be moved.
+    source : Path
+        Temporary folder with the new files.
+    folder : Path
+        Folder into which they will be moved.
     displayed_path : Path
-        Path of the folder for messages.
-    manifest, present_manifest : dict
-        Manifests of the new files, and of the files in the folder.
+        This folder as the user wrote it, for messages.
+    manifest : dict
+        Manifest of the new files.
+    present_manifest : dict
+        Manifest of the files in the folder, or an empty mapping.
+
+    Returns
+    -------
+    dict
+        Manifest of the new generation.
 
     Raises
     ------
@@ -296,20 +453,28 @@ def _check_replaceable(
     present_files: Mapping[str, str],
     strict: bool,
 ) -> None:
-    """Raise ExportError if a file that no export wrote would be replaced.
+    """Raise an error if a file that no export wrote would be replaced.
+
+    Exports may replace only files in the present manifest. Results may replace any single file, but
+    only folders whose files are all in the manifest.
 
     Parameters
     ----------
     target : Path
-        File or folder that would be replaced.
+        File or folder that would be replaced. It need not exist.
     displayed_path : Path
         Its path for messages.
     is_folder : bool
         True if a folder replaces it.
-    present_files : Mapping
-        Hashes of the files that the present manifest lists, by name.
+    present_files : mapping
+        SHA-256 of the files that the present manifest lists, by name.
     strict : bool
-        True if the new files are an export. Results may replace any single file.
+        True if the new files are an export, false if they are results.
+
+    Raises
+    ------
+    ExportError
+        If such a file exists, or if a file would replace a folder or a folder a file.
     """
     if not os.path.lexists(target):
         return
@@ -327,7 +492,12 @@ def _check_replaceable(
 def _remove_stale(folder: Path, stale_files: Mapping[str, str]) -> None:
     """Remove the unchanged files of an earlier generation, and folders that become empty.
 
-    `stale_files` contains the SHA-256 of the files by name.
+    Parameters
+    ----------
+    folder : Path
+        Result folder or export folder.
+    stale_files : mapping
+        SHA-256 of the files by name. A file with another hash was changed by the user, and remains.
     """
     for name, sha in stale_files.items():
         with suppress(OSError):

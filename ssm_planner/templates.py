@@ -1,4 +1,8 @@
-"""Write JSON schemas of the YAML files, and templates in which a comment describes every key."""
+"""Write JSON schemas of the YAML files, and templates in which a comment describes every key.
+
+Users of the program begin with a template (`template`). Editors complete and check the files with a
+schema (`schema`). Both use the descriptions of the keys in the package `loading`.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
     from ssm_planner.loading import Key
 
 FILE_KINDS = ("problem", "robot", "drive", "motor", "motorisation", "controller", "study")
+"""Kinds of YAML files that have a JSON schema."""
 EXAMPLE_FILES = {
     "problem": "tilt_insert",
     "robot": "robots/vitreoretinal",
@@ -29,7 +34,7 @@ EXAMPLE_FILES = {
     "controller": "controllers/epos4",
     "study": "studies/geometry",
 }
-"""Shipped files whose values appear in the templates."""
+"""Shipped files whose values appear in the templates, by the kind of template."""
 FILE_REFERENCE_KEYS = ("robot", "drive", "motor", "alternatives")
 """Keys whose values are names of files."""
 COMMENT_COLUMN, LINE_WIDTH = 44, 116
@@ -80,7 +85,16 @@ def _check_kind(kind: str, allowed: tuple[str, ...]) -> None:
 def file_keys(kind: str) -> tuple[Key, ...]:
     """Return every key of a kind of file with its description.
 
-    The kind "drive" means the drive file of a worm gear, and "screw" means that of a lead screw.
+    Parameters
+    ----------
+    kind : str
+        Kind of file. "drive" means the drive file of a worm gear, and "screw" that of a lead screw.
+
+    Returns
+    -------
+    tuple of Key
+        The keys, whose paths contain dots, such as "joints.roll.velocity", and "[]" for each entry
+        of a list.
     """
     from ssm_planner.loading import describe_keys, drive_model, file_keys
     from ssm_planner.studies.study_file import StudyModel
@@ -132,23 +146,34 @@ def template(kind: str, name: str) -> str:
 
 
 class _TemplateWriter:
-    """Writer of a YAML template that describes each key at its first occurrence."""
+    """Writer of a YAML template that describes each key at its first occurrence.
+
+    Parameters
+    ----------
+    keys : mapping
+        Descriptions of the keys of a file by the path of the key.
+    """
 
     def __init__(self, keys: Mapping[str, Key]) -> None:
         self.keys = keys
         self.described: set[str] = set()
 
     def mapping(self, data: JsonObject, parent: str, depth: int) -> Iterator[str]:
-        """Yield the lines of a mapping: its keys, and then the other optional keys as comments.
+        """Yield the lines of a mapping: its keys, and then the other possible keys as comments.
 
         Parameters
         ----------
         data : dict
             Content of the mapping.
         parent : str
-            Path of the mapping with a final dot.
+            Path of the mapping with a final dot, or "" for the whole file.
         depth : int
             Level of indentation.
+
+        Yields
+        ------
+        str
+            Lines of YAML without newlines at their ends.
         """
         for name, value in data.items():
             yield from self._entry(name, value, parent, depth)
@@ -162,7 +187,24 @@ class _TemplateWriter:
                 yield _add_comment(f"{'  ' * depth}# {name}:{default}", key)
 
     def _entry(self, name: str, value: Any, parent: str, depth: int) -> Iterator[str]:
-        """Yield the lines of one key and of the mappings below it, see `mapping`."""
+        """Yield the lines of one key and of the mappings below it.
+
+        Parameters
+        ----------
+        name : str
+            Name of the key.
+        value : object
+            Value of the key as YAML data.
+        parent : str
+            Path of the mapping that contains the key, with a final dot, or "" for the whole file.
+        depth : int
+            Level of indentation.
+
+        Yields
+        ------
+        str
+            Lines of YAML without newlines at their ends.
+        """
         pad, path = "  " * depth, f"{parent}{name}"
         key = self.keys.get(path) if self._describe(path) else None
         if isinstance(value, dict) and any(other.startswith(f"{path}.") for other in self.keys):
@@ -181,7 +223,13 @@ class _TemplateWriter:
     def _describe(self, path: str) -> bool:
         """Return True if a key was not described before, and mark it as described.
 
-        The three revolute joints share the descriptions of their keys.
+        The three revolute joints share the descriptions of their keys, so only the first is
+        described.
+
+        Parameters
+        ----------
+        path : str
+            Path of the key.
         """
         if path.startswith(("joints.", "compliance.")):
             path = re.sub(r"\b(tilt|spin)\.", "roll.", path)
@@ -191,7 +239,22 @@ class _TemplateWriter:
 
 
 def _add_comment(line: str, key: Key | None) -> str:
-    """Add the description of a key to a line as a comment, or above the line if it is long."""
+    """Add the description of a key to a line of YAML as a comment.
+
+    The comment is at the end of the line if both are short enough, and otherwise above the line.
+
+    Parameters
+    ----------
+    line : str
+        Line of YAML.
+    key : Key or None
+        Key to describe. None leaves the line unchanged.
+
+    Returns
+    -------
+    str
+        One or more lines.
+    """
     if key is None:
         return line
     allowed = "" if key.allowed in ("", "a text") else f" ({key.allowed})"
@@ -204,17 +267,24 @@ def _add_comment(line: str, key: Key | None) -> str:
 
 
 def _flow_text(value: Any, reference: bool = False, nested: bool = False) -> str:
-    """Format a value in YAML's flow style, on one line.
+    """Format a value in YAML's flow style, that is, on one line with brackets and braces.
+
+    Text that YAML would read as another value, such as "yes", gets quotes.
 
     Parameters
     ----------
     value : object
-        Value as Python data.
+        Value as YAML data.
     reference : bool
-        True if the value is the path of a shipped file. Only its name is written, because the name
-        is valid in any folder.
+        True if the value is the path of a shipped file. Only the name of the file is written,
+        because the name is valid in any folder.
     nested : bool
         True for a value within a list or mapping.
+
+    Returns
+    -------
+    str
+        Text of the value.
     """
     if isinstance(value, dict):
         items = [
