@@ -40,13 +40,15 @@ def check(
     motion : Plan, Trajectory, str or Path
         Plan, trajectory, or a file that `ssm-planner check` reads.
     robot : Robot, optional
-        The default is the robot of the plan. A motion without a plan needs a robot.
+        Robot whose limits apply. The default is the robot of the plan. A motion without a plan
+        needs a robot.
     limits : TaskLimits, optional
-        The default is the limits of the plan, or those of the robot. The motion must be at rest at
-        both ends unless the plan, the file or `limits` declare rates there.
+        Limits of the task. The default is the limits of the plan, or the ranges of the robot. The
+        motion must be at rest at both ends unless the plan, the file or `limits` declare rates
+        there.
     speed : float
-        Playback speed as a share of the planned one. For a value other than 1, a file must be a
-        plan.
+        Playback speed as a fraction of the planned speed. For a value other than 1, a file must be
+        a plan.
 
     Returns
     -------
@@ -90,12 +92,15 @@ def check_speeds(
 ) -> SpeedRange:
     """Check a motion at playback speeds from `slowest` to 1.
 
+    Friction can require more torque at low speeds, so a motion may exceed the limits of a motor
+    only when it is played more slowly.
+
     Parameters
     ----------
     motion, robot, limits
         See `check`. A file must be a plan.
     slowest : float
-        Smallest playback speed as a share of the planned one.
+        Smallest playback speed as a fraction of the planned speed.
 
     Returns
     -------
@@ -311,8 +316,26 @@ def _motion_to_check(
 ) -> tuple[Trajectory, Robot, TaskLimits]:
     """Return the trajectory, the robot and the limits of a motion.
 
-    The motion is a trajectory, a plan or the file of a plan, but not a table of samples. Without
-    `limits`, the limits of the plan apply. Raises TrajectoryError if the robot is missing.
+    Parameters
+    ----------
+    motion : Plan, Trajectory, str or Path
+        Trajectory, plan or the file of a plan, but not a table of samples.
+    robot : Robot or None
+        Robot whose limits apply. Without it, the robot of the plan applies.
+    limits : TaskLimits or None
+        Limits of the task. Without them, the limits of the plan apply, or for a trajectory the
+        ranges of the robot.
+
+    Returns
+    -------
+    (Trajectory, Robot, TaskLimits)
+        Values for the check. If `robot` is given, the limits of a plan are combined with its
+        ranges.
+
+    Raises
+    ------
+    TrajectoryError
+        If a trajectory lacks a robot.
     """
     if isinstance(motion, Trajectory):
         robot = _require_robot(robot, "a trajectory")
@@ -323,7 +346,20 @@ def _motion_to_check(
 
 
 def _require_robot(robot: Robot | None, motion: str | Path) -> Robot:
-    """Return the robot. Raises TrajectoryError, which names the motion, if it is missing."""
+    """Return the robot, or raise an error if it is missing.
+
+    Parameters
+    ----------
+    robot : Robot or None
+        Argument of a public function.
+    motion : str or Path
+        Name of the motion for the message.
+
+    Raises
+    ------
+    TrajectoryError
+        If the robot is None.
+    """
     if robot is None:
         if isinstance(motion, Path) and not motion.exists():
             raise TrajectoryError(f"{motion}: no such file or folder")

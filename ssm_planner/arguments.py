@@ -1,4 +1,8 @@
-"""Check the arguments of public functions against their type annotations."""
+"""Check the arguments of public functions against their type annotations.
+
+Users who call the package from Python without a type checker then get a message about the wrong
+argument instead of an error deep in the package. The decorator is `checked`.
+"""
 
 import inspect
 import math
@@ -21,8 +25,19 @@ class _ArrayLike:
 def checked(function: Callable[P, T]) -> Callable[P, T]:
     """Decorate a function so that it checks its arguments against their annotations.
 
-    Numbers must be finite. The error names the argument, its value and the allowed types. It is a
-    GeometryError for arrays, and otherwise a ProblemError.
+    Numbers must be finite. An argument that is the default value is accepted without a check.
+
+    Parameters
+    ----------
+    function : callable
+        Function of a module with postponed annotations (`from __future__ import annotations`).
+
+    Returns
+    -------
+    callable
+        The function with the check. It raises GeometryError for a wrong argument that may be an
+        array, and otherwise ProblemError. The message names the argument, its value and the allowed
+        types.
     """
     signature = inspect.signature(function)
     hints = cache(lambda: get_type_hints(function, localns={"ArrayLike": _ArrayLike}))
@@ -46,7 +61,18 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def _matches(hint: Any, value: Any) -> bool:
-    """Return True if a value has the type of an annotation."""
+    """Return True if a value has the type of an annotation.
+
+    The function also examines the items of sequences and the values of mappings. Numbers must be
+    finite, and True and False are not numbers.
+
+    Parameters
+    ----------
+    hint : type or special form
+        Annotation, such as `float | None` or `Sequence[Motor]`.
+    value : object
+        Argument to check.
+    """
     value_type = get_origin(hint) or hint
     arguments = get_args(hint)
     if value_type is Any:

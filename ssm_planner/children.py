@@ -12,13 +12,25 @@ def watch():
 if os.name == "posix":
     threading.Thread(target=watch, daemon=True).start()
 """
+"""Code that ends a child process when its parent has ended."""
 
 
 def python_command(code: str) -> list[str]:
     """Return the command that runs Python code in a child process.
 
-    The child ends when this process ends. It imports modules from the same folders as this process,
-    and ignores the working directory and the environment.
+    The child imports modules from the same folders as this process. It ignores the working
+    directory and the environment variables of Python. It checks every 0.1 s whether this process
+    still exists, and otherwise ends (on POSIX systems).
+
+    Parameters
+    ----------
+    code : str
+        Python program. It can use the modules os, sys, threading and time without importing them.
+
+    Returns
+    -------
+    list of str
+        Command for `subprocess`.
     """
     preamble = (
         f"import os, sys, threading, time; sys.path[:] = {module_folders()!r}; parent = "

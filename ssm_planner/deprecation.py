@@ -5,9 +5,18 @@ from warnings import warn
 
 
 class Renamed:
-    """Descriptor for the old name of an attribute.
+    """Descriptor for the old name of an attribute that was renamed.
 
-    Access to the old name gives a warning and returns the attribute with the new name.
+    Access to the old name gives a DeprecationWarning, and returns the attribute with the new name.
+
+    Parameters
+    ----------
+    new : str
+        New name of the attribute.
+
+    Examples
+    --------
+    The line `doubt = Renamed("uncertified_reason")` in a class keeps the old name `doubt`.
     """
 
     def __init__(self, new: str) -> None:

@@ -26,27 +26,59 @@ def use_minus_signs(text: str) -> str:
 
 
 def format_number(value: float | None, digits: int = 3) -> str:
-    """Format a number with significant digits. Magnitudes below 1e-12 become 0."""
+    """Format a number with significant digits.
+
+    Parameters
+    ----------
+    value : float or None
+        Number. Magnitudes below 1e-12 become 0, and None becomes `MISSING_VALUE`.
+    digits : int
+        Number of significant digits.
+    """
     if value is None:
         return MISSING_VALUE
     return "0" if abs(value) < 1e-12 else use_minus_signs(f"{value:.{digits}g}")
 
 
 def format_fixed(value: float | None, decimals: int) -> str:
-    """Format a number with fixed decimals. A result of −0 becomes 0."""
+    """Format a number with fixed decimals.
+
+    Parameters
+    ----------
+    value : float or None
+        Number. A result of −0 becomes 0, and None becomes `MISSING_VALUE`.
+    decimals : int
+        Number of digits after the decimal point.
+    """
     if value is None:
         return MISSING_VALUE
     return use_minus_signs(f"{round(value, decimals) + 0.0:.{decimals}f}")
 
 
 def format_signed(value: float | None, decimals: int) -> str:
-    """Format a difference with its sign and fixed decimals. A rounded 0 has no sign."""
+    """Format a difference with its sign and fixed decimals.
+
+    Parameters
+    ----------
+    value : float or None
+        Difference. A rounded 0 has no sign, and None becomes `MISSING_VALUE`.
+    decimals : int
+        Number of digits after the decimal point.
+    """
     text = format_fixed(value, decimals)
     return f"+{text}" if value is not None and round(value, decimals) > 0 else text
 
 
 def format_percent(share: float | None, decimals: int = 1) -> str:
-    """Format a margin or a relative difference in percent with its sign."""
+    """Format a fraction, such as a margin or a relative difference, in percent with its sign.
+
+    Parameters
+    ----------
+    share : float or None
+        Fraction. 0.05 becomes "+5.0 %", and None becomes `MISSING_VALUE`.
+    decimals : int
+        Number of digits after the decimal point.
+    """
     return MISSING_VALUE if share is None else f"{format_signed(100.0 * share, decimals)} %"
 
 
@@ -92,5 +124,15 @@ def jinja_environment(package: str, escape: bool, **filters: Callable[..., Any])
 
 
 def render_template(templates: "Environment", template: str, /, **values: Any) -> str:
-    """Fill in a template, and return the text with exactly one newline at its end."""
+    """Fill in a Jinja2 template, and return the text with exactly one newline at its end.
+
+    Parameters
+    ----------
+    templates : Environment
+        Result of `jinja_environment`.
+    template : str
+        File name of the template.
+    **values
+        Values of the names in the template.
+    """
     return templates.get_template(template).render(values).rstrip("\n") + "\n"

@@ -7,7 +7,20 @@ from pathlib import Path
 
 
 def suggestion(name: object, known_names: Iterable[str]) -> str:
-    """Return the most similar known name as the end of a message, or "" if none is similar."""
+    """Return a suggestion for a misspelt name, as the end of an error message.
+
+    Parameters
+    ----------
+    name : object
+        Name that was not found.
+    known_names : iterable of str
+        Valid names.
+
+    Returns
+    -------
+    str
+        Text with the most similar name, such as "; did you mean 'roll'?", or "" if none is similar.
+    """
     matches = difflib.get_close_matches(str(name), list(known_names), n=1)
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
@@ -66,7 +79,7 @@ class ProblemError(SsmPlannerError):
         super().__init__(reason)
 
     def __str__(self) -> str:
-        """Return the message, followed by those of the further faults on lines of their own."""
+        """Return the message, followed by the messages of the further faults on separate lines."""
         text = ""
         if self.file is not None:
             text = f"{self.file}: " if self.line is None else f"{self.file}:{self.line}: "
@@ -86,7 +99,16 @@ class ProblemError(SsmPlannerError):
 
 @contextmanager
 def within(prefix: str) -> Iterator[None]:
-    """Prepend a key such as motion[0].tilt to the keys of problem errors in a `with` block."""
+    """Add the place of a value to the keys of the problem errors in a `with` block.
+
+    Functions that check a part of a file do not know where this part is. The key `tilt` and the
+    prefix `motion[0]` give `motion[0].tilt`.
+
+    Parameters
+    ----------
+    prefix : str
+        Key of the part.
+    """
     try:
         yield
     except ProblemError as error:

@@ -1,4 +1,9 @@
-"""Define the result of planning, and read and write its file plan.json."""
+"""Define the result of planning, and read and write its file plan.json.
+
+The planner returns a `Plan`. It contains the problem, the trajectory, a summary of each phase and
+the certificate, from which further results follow, such as the sizing of the motors. `Plan.write`
+and `Plan.save` write it, and `load_plan` reads it.
+"""
 
 from __future__ import annotations
 
@@ -193,7 +198,7 @@ class PhaseSummary:
 
     @property
     def difference(self) -> float:
-        """Relative difference of the duration from toppra's, or 0 without a duration by toppra."""
+        """Relative difference of the duration from toppra's duration, or 0 without the latter."""
         return self.duration / self.toppra_duration - 1 if self.toppra_duration else 0.0
 
     def with_opinion(self, opinion: Opinion) -> PhaseSummary:
@@ -201,8 +206,19 @@ class PhaseSummary:
 
         A duration by toppra below the proven lower bound of the phase shows an error of toppra. The
         returned summary then has no such duration, and `not_judged` states the reason. A duration
-        that is below the bound by at most `GRID_TOLERANCE`, by which the extrapolation over the
-        grid can be too short, is replaced by the bound.
+        that is below the bound by a relative difference of at most `GRID_TOLERANCE`, by which the
+        extrapolation over the grid can be too short, is replaced by the bound.
+
+        Parameters
+        ----------
+        opinion : Opinion
+            Result of the cross-check of this phase by toppra.
+
+        Returns
+        -------
+        PhaseSummary
+            The summary with the fields `toppra_duration`, `path_bound`, `sensitivities` and
+            `not_judged`.
         """
         duration, reason = opinion.duration, opinion.not_judged
         if duration is not None and duration < (1 - GRID_TOLERANCE) * self.lower_bound:
@@ -346,7 +362,13 @@ class Plan:
 
     @property
     def motion(self) -> Trajectory:
-        """Trajectory of a plan that must have one. Raises TrajectoryError if it is missing."""
+        """Trajectory of a plan that must have one.
+
+        Raises
+        ------
+        TrajectoryError
+            If the plan has no trajectory.
+        """
         if self.trajectory is None:
             origin = self.problem.name if self.file is None else self.file
             raise TrajectoryError(f"{origin}: this plan has no trajectory (status: {self.status})")
@@ -400,12 +422,17 @@ class Plan:
         return html_table([get_attributes(self, SUMMARY_FIELDS)]) + limits
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Draw the joint positions over time with matplotlib, in deg and mm, and return the axes.
+        """Draw the joint positions over time with matplotlib, in deg and mm.
 
         Parameters
         ----------
         axes : matplotlib.axes.Axes, optional
             Axes to draw on. The default is the current axes of pyplot.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes with one line for each joint.
 
         Raises
         ------
@@ -436,14 +463,20 @@ class Plan:
         """Return the plan with toppra's durations along its paths, and the proof of its limits.
 
         The command `plan` and the method `save` call this method, but the function `plan` does not.
-        Plans that did not pass the check, and plans by another planner than `optimal`, are returned
-        unchanged.
+        The plan is returned unchanged if it did not pass the check, if another planner than
+        `optimal` made it, or if toppra has judged it already. If toppra or the proof contradicts
+        the check, the returned plan has a `reason`.
 
         Parameters
         ----------
         ask : callable
             Function that returns the result of `second_opinions_and_proofs` from a second process,
             or None. If it returns None, this process does the work.
+
+        Returns
+        -------
+        Plan
+            Plan with cross-checked phases, the proof and the version of toppra.
         """
         is_requested = self.problem.planner == "optimal" and "toppra" not in self.software
         if not (is_requested and self.passed and self.phases):
@@ -467,9 +500,11 @@ class Plan:
 
     @property
     def cross_check(self) -> JsonObject | None:
-        """Program, duration in s and relative difference of the cross-check by toppra.
+        """Result of the cross-check by toppra, or None if no phase was judged.
 
-        None if no phase was judged.
+        The mapping contains the program ("by"), the sum of its durations in s ("duration"), and the
+        relative difference of the plan from it ("difference"). Only the phases that toppra judged
+        count.
         """
         phases = [phase for phase in self.phases if phase.toppra_duration]
         if "toppra" not in self.software or not any(phase.solver for phase in phases):
@@ -495,8 +530,8 @@ class Plan:
     def sensitivities(self) -> tuple[Sensitivity, ...] | None:
         """Changes of the duration with the limits, the largest first. None if a phase lacks them.
 
-        Changes below the share `SMALLEST_SENSITIVITY` of the duration are left out, because
-        they are not significant.
+        The changes of all phases are added for each limit. Sums below the fraction
+        `SMALLEST_SENSITIVITY` of the duration are left out, because they are not significant.
         """
         changes: dict[tuple[str, str | None], float] = defaultdict(float)
         for phase in self.phases:
@@ -515,7 +550,12 @@ class Plan:
 
     @property
     def confirmation(self) -> tuple[int, float] | None:
-        """Number of iterations and largest difference of Ipopt's confirmations."""
+        """Number of iterations and largest relative difference of Ipopt's confirmations.
+
+        Ipopt confirms the result of the structured solver. The iterations are those of all phases.
+        The difference is that of `PhaseSummary.confirmation_difference` with the largest magnitude.
+        None if Ipopt confirmed no phase.
+        """
         iterations = 0
         differences = []
         for phase in self.phases:
@@ -530,7 +570,16 @@ class Plan:
         return self._total("lower_bound")
 
     def _total(self, name: str) -> float | None:
-        """Return the sum of a field of all phases, or None if a phase does not have it."""
+        """Return the sum of a field over all phases.
+
+        The result is None if the plan lacks a trajectory or phases, or if the field of a phase is
+        None.
+
+        Parameters
+        ----------
+        name : str
+            Name of a field of `PhaseSummary`.
+        """
         values = [getattr(phase, name) for phase in self.phases]
         is_complete = self.trajectory is not None and values and None not in values
         return float(sum(values)) if is_complete else None
@@ -605,7 +654,18 @@ class Plan:
         return None if self.trajectory is None else tip_error(self.trajectory, self.robot)
 
     def limit_differences(self, robot: Robot) -> tuple[str, ...]:
-        """Return one sentence for each limit that differs between another robot and the plan's."""
+        """Return one sentence for each limit that differs between another robot and the plan's robot.
+
+        Parameters
+        ----------
+        robot : Robot
+            Robot with which the plan is used.
+
+        Returns
+        -------
+        tuple of str
+            Sentences with the name and both bounds of the limit.
+        """
         of_robot = {limit.key: limit for limit in _limits_of(robot)}
         of_plan = {limit.key: limit for limit in _limits_of(self.robot)}
         notes = []
@@ -638,7 +698,12 @@ class Plan:
         )
 
     def _slow_phases(self) -> list[str]:
-        """Return remarks on phases for which toppra finds a shorter motion along the path."""
+        """Return remarks on phases for which toppra finds a shorter motion along the path.
+
+        There are no remarks if a limit that toppra does not consider can slow the motion down. With
+        the objective "time then heat", the planner deliberately adds up to
+        `HEAT_OBJECTIVE_ALLOWANCE` to the duration, so only larger differences cause a remark.
+        """
         limits = self.certificate.limits if self.certificate else ()
         slowed = any(
             limit.name in LIMITS_IGNORED_BY_TOPPRA and limit.margin < BINDING_MARGIN
@@ -695,7 +760,10 @@ class Plan:
         return {**self._content(), "trajectory": trajectory}
 
     def _content(self) -> JsonObject:
-        """Return the content of plan.json with None as the trajectory, whose key is the last."""
+        """Return the content of plan.json with None as the trajectory.
+
+        The trajectory is the last key, so that `_text_parts` can write it after the other content.
+        """
         summary = self.summary()
         phases = summary.pop("phases")
         return {
@@ -726,7 +794,18 @@ class Plan:
         yield "\n}\n"
 
     def _serialise(self, write: Callable[[bytes], object]) -> str:
-        """Pass the text of plan.json to `write` in parts, and return its SHA-256."""
+        """Write the text of plan.json in parts, and compute its hash.
+
+        Parameters
+        ----------
+        write : callable
+            Function that receives each part in UTF-8, such as the method `write` of a file.
+
+        Returns
+        -------
+        str
+            SHA-256 of the text in hexadecimal.
+        """
         digest = hashlib.sha256()
         for text in self._text_parts():
             data = text.encode()
@@ -742,7 +821,12 @@ class Plan:
     def from_json(cls, data: bytes, file: Path) -> Plan:
         """Build the plan from the text of a plan.json.
 
-        `file` is the name of the file for messages.
+        Parameters
+        ----------
+        data : bytes
+            Content of the file.
+        file : Path
+            Name of the file for messages.
 
         Raises
         ------
@@ -757,8 +841,26 @@ class Plan:
     def _from_document(cls, data: Any, sha256: str, file: Path) -> Plan:
         """Build the plan from the content of a plan.json.
 
-        `sha256` is the hash of the file, and `file` its name. Raises TrajectoryError or
-        ProblemError if the content is invalid.
+        Parameters
+        ----------
+        data : object
+            Content of the file as JSON types. Long lists of numbers may be arrays.
+        sha256 : str
+            SHA-256 of the file in hexadecimal.
+        file : Path
+            Name of the file.
+
+        Returns
+        -------
+        Plan
+            Plan with the attributes `file` and `file_sha256`.
+
+        Raises
+        ------
+        TrajectoryError
+            If the format or the version is unknown, or the trajectory is missing or invalid.
+        ProblemError
+            If the problem or another entry is invalid.
         """
         document = _check_document(data, file)
         problem = problem_from_plain(_required_mapping(document, "problem", file), file=str(file))
@@ -802,7 +904,23 @@ class Plan:
         return plan
 
     def write(self, path: Path) -> Path:
-        """Write plan.json alone, and return its path. Raises ExportError if this fails."""
+        """Write plan.json alone, without the other files of a result folder.
+
+        Parameters
+        ----------
+        path : Path
+            File to write.
+
+        Returns
+        -------
+        Path
+            The same path.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be written.
+        """
         with replacing(path) as temporary, temporary.open("wb") as file:
             sha256 = self._serialise(file.write)
         if self.file_sha256 is None:
@@ -810,9 +928,20 @@ class Plan:
         return path
 
     def save(self, folder: str | Path) -> dict[str, Path]:
-        """Write the result folder of `ssm-planner plan`, and return the paths of its files by name.
+        """Write the result folder that `ssm-planner plan` writes.
 
-        The folder contains plan.json, report.html, trajectory.csv and figures.
+        The folder contains plan.json, report.html, trajectory.csv and figures. Before, toppra and
+        the proof cross-check the plan (`cross_checked`).
+
+        Parameters
+        ----------
+        folder : str or Path
+            Folder of the results.
+
+        Returns
+        -------
+        dict
+            Paths of the written files by name.
 
         Raises
         ------
@@ -836,8 +965,23 @@ class Plan:
 def load_plan(path: str | Path) -> Plan:
     """Load the plan in a plan.json, or in the result folder that contains one.
 
-    Raises TrajectoryError (unknown version, no trajectory, or files of several plans in its folder)
-    or ProblemError.
+    Parameters
+    ----------
+    path : str or Path
+        File or result folder.
+
+    Returns
+    -------
+    Plan
+        The plan. Its certificate is None if it does not belong to the content of the file.
+
+    Raises
+    ------
+    TrajectoryError
+        If the file cannot be read, has an unknown version or lacks a trajectory, or if the folder
+        contains files of several plans.
+    ProblemError
+        If the problem in the file is invalid.
 
     Examples
     --------
@@ -858,10 +1002,26 @@ def load_plan(path: str | Path) -> Plan:
 
 
 def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) -> Plan:
-    """Convert a trajectory of a robot, or the file of a plan, to a plan.
+    """Convert the argument of a public function to a plan.
 
-    A plan is returned unchanged. Raises TrajectoryError for a trajectory without a robot, and the
-    errors of `load_plan`.
+    Parameters
+    ----------
+    motion : Plan, Trajectory, str or Path
+        A plan, which is returned unchanged, a trajectory, or the file of a plan.
+    robot : Robot, optional
+        Robot of the trajectory.
+
+    Returns
+    -------
+    Plan
+        For a trajectory, the plan of `Plan.from_trajectory`.
+
+    Raises
+    ------
+    TrajectoryError
+        If a trajectory lacks a robot, and for the reasons of `load_plan`.
+    ProblemError
+        If the problem in the file is invalid.
     """
     if isinstance(motion, Trajectory):
         if robot is None:
@@ -871,9 +1031,19 @@ def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) 
 
 
 def _check_document(document: Any, path: Path) -> JsonObject:
-    """Check that data are the content of a plan.json, and return them.
+    """Check that data are the content of a plan.json, and return them unchanged.
 
-    Raises TrajectoryError unless the data have the format and version of this program.
+    Parameters
+    ----------
+    document : object
+        Content of the file as JSON types.
+    path : Path
+        Name of the file for messages.
+
+    Raises
+    ------
+    TrajectoryError
+        If the format, the version or the units are not those that this program writes.
     """
     if not isinstance(document, dict) or document.get("format") != PLAN_FORMAT:
         raise TrajectoryError(f"{path}: not a plan.json (its format key is not {PLAN_FORMAT!r})")
@@ -888,7 +1058,22 @@ def _check_document(document: Any, path: Path) -> JsonObject:
 
 
 def _required_mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
-    """Return the mapping under a key. Raises TrajectoryError if it is missing."""
+    """Return the mapping under a key of a plan.json.
+
+    Parameters
+    ----------
+    data : dict
+        Content of the file.
+    key : str
+        Key of the mapping.
+    path : Path
+        Name of the file for the message.
+
+    Raises
+    ------
+    TrajectoryError
+        If the key is missing, or its value is not a mapping.
+    """
     value = data.get(key)
     if not isinstance(value, dict):
         raise TrajectoryError(f"{path}: {key} is missing or not a mapping: incomplete plan.json")
@@ -907,7 +1092,15 @@ def _bounds_text(limit: Limit | None) -> str:
 
 
 def _range_notes(problem: Problem) -> list[str]:
-    """Return remarks on requested ranges of task coordinates that exceed those of the robot."""
+    """Return remarks on requested ranges of task coordinates that exceed those of the robot.
+
+    The ranges of the robot then apply.
+
+    Parameters
+    ----------
+    problem : Problem
+        Problem with its requested ranges.
+    """
 
     def text(name: str, ends: tuple[float, float]) -> str:
         unit = TaskRange(name, *ends).unit
@@ -945,7 +1138,19 @@ def _long_turns(robot: Robot, turns: Array) -> Iterator[tuple[str, float, float]
 
 
 def _start_notes(problem: Problem, trajectory: Trajectory) -> list[str]:
-    """Return remarks on joints whose start position is a whole turn away from a smaller angle."""
+    """Return remarks on joints whose start position is a whole turn away from a smaller angle.
+
+    If the problem states the start in task coordinates, the planner may choose such an angle,
+    because the motion would otherwise leave the joint range. A start in joint positions causes no
+    remark.
+
+    Parameters
+    ----------
+    problem : Problem
+        Problem with its start.
+    trajectory : Trajectory
+        Planned motion.
+    """
     if isinstance(problem.start, Joints):
         return []
     return [
@@ -960,7 +1165,17 @@ def _turn_notes(
 ) -> list[str]:
     """Return remarks on phases that change the branch, or turn a joint by more than half a turn.
 
-    Only problems with free motions have such remarks.
+    Only problems with free motions have such remarks, because the planner chooses the final joint
+    positions of free motions.
+
+    Parameters
+    ----------
+    problem : Problem
+        Problem with its list of motions.
+    trajectory : Trajectory
+        Planned motion.
+    phases : tuple of PhaseSummary
+        Phases of the motion with their durations.
     """
     if not any(isinstance(entry, Free) for entry in problem.motion):
         return []
@@ -983,7 +1198,13 @@ def _turn_notes(
 
 
 def _motor_notes(requirement: MotorRequirement) -> list[str]:
-    """Return a remark if a joint lacks a motor, or if data of its motor are placeholders."""
+    """Return a remark if a joint lacks a motor, or if data of its motor are placeholders.
+
+    Parameters
+    ----------
+    requirement : MotorRequirement
+        Requirement of the joint, with its motor.
+    """
     joint, motor = requirement.joint, requirement.motor
     if motor is None:
         return [f"joint {joint}: no motor given, its torque is not limited"]
@@ -998,6 +1219,13 @@ def _friction_notes(robot: Robot, requirement: MotorRequirement) -> list[str]:
 
     They state that the drive does not lock itself, or that the motion is faster than the motions
     from which the friction was identified.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with its drives.
+    requirement : MotorRequirement
+        Requirement of the joint, with the largest speed of its motor.
     """
     drive = robot.joints[JOINTS.index(requirement.joint)].drive
     if drive is None or drive.friction is None:

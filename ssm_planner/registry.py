@@ -33,16 +33,36 @@ class Registry(Mapping[str, N]):
         self._declared = {item.name: item for item in declared}
 
     def add(self, item: N) -> N:
-        """Add an object and return it. Raises ValueError if its name exists already."""
+        """Add an object, and return it.
+
+        Parameters
+        ----------
+        item : object
+            Object with an attribute `name`.
+
+        Raises
+        ------
+        ValueError
+            If another object has this name already.
+        """
         if self._declared.setdefault(item.name, item) is not item:
             raise ValueError(f"the {self.noun} {item.name!r} exists already")
         return item
 
     def find(self, name: object, key: str | None = None) -> N:
-        """Return the object with this name.
+        """Return the object with a given name from a file or an argument.
 
-        Raises ProblemError if the name is unknown. The message contains the key of the name and all
-        known names.
+        Parameters
+        ----------
+        name : object
+            Requested name. None means that it is missing.
+        key : str, optional
+            Key of the name in its file, for the message.
+
+        Raises
+        ------
+        ProblemError
+            If the name is unknown or missing. The message contains all known names.
         """
         if not isinstance(name, str) or name not in self:
             reason = f"unknown {self.noun}{suggestion(name, self)}"
@@ -62,9 +82,10 @@ class Registry(Mapping[str, N]):
 
     @cached_property
     def _objects(self) -> dict[str, N]:
-        """All objects, including those of other packages.
+        """All objects by name, including those of other packages.
 
-        An object that fails to load causes a warning.
+        The objects of other packages are loaded at the first access. An object that fails to load
+        causes a warning.
         """
         from importlib.metadata import entry_points
 

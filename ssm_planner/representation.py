@@ -17,10 +17,21 @@ LONGEST_FIELD = 60
 
 
 def short_repr(value: object) -> str:
-    """Return the text of a dataclass, which names the fields and abbreviates their values.
+    """Return a short text of a dataclass, with its fields and their abbreviated values.
 
-    A large array is represented by its shape, and a long field by its type. The decorators in
-    `typing` give this text to their classes.
+    An array with more than four values is represented by its shape, and a long text of a field by
+    the type of its value. The decorators in `typing` use this function as the `__repr__` of their
+    classes.
+
+    Parameters
+    ----------
+    value : object
+        Instance of a dataclass.
+
+    Returns
+    -------
+    str
+        Text of at most `LONGEST_TEXT` characters.
     """
     cls: Any = type(value)
     fields_text = [
@@ -40,7 +51,18 @@ def _abbreviated(value: object) -> str:
 
 
 def html_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return an HTML table with one row for each mapping. All mappings have the same keys."""
+    """Return an HTML table with a row of headings and one row for each mapping.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Values by heading. All mappings have the same keys in the same order.
+
+    Returns
+    -------
+    str
+        HTML. The table is empty without rows.
+    """
     headings = list(rows[0]) if rows else []
     lines = [_html_row(headings)] if rows else []
     lines += [_html_row(list(row.values())) for row in rows]
@@ -55,7 +77,18 @@ def _html_row(values: Sequence[Any]) -> str:
 
 
 def data_frame(columns: Any) -> Any:
-    """Build a pandas DataFrame. Raises SsmPlannerError if pandas is not installed."""
+    """Build a pandas DataFrame.
+
+    Parameters
+    ----------
+    columns : mapping
+        Values of each column by its name.
+
+    Raises
+    ------
+    SsmPlannerError
+        If pandas is not installed.
+    """
     try:
         import pandas
     except ImportError:

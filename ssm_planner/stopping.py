@@ -1,4 +1,9 @@
-"""Compute controlled stops from every instant of a motion, with their certificate."""
+"""Compute controlled stops from many instants of a motion, with their certificate.
+
+A controlled stop brings all joints to rest with working motors, for example after a stop command.
+The module `verification.stops` computes the motions of the stops. This module checks them, and
+contains the class of the result.
+"""
 
 import numpy as np
 
@@ -43,7 +48,11 @@ class Stops:
         return self.certificate.passed
 
     def to_dict(self) -> JsonObject:
-        """Return the content of the key `stops` of plan.json, in SI units."""
+        """Return the content of the key `stops` of plan.json, in SI units.
+
+        Besides the arrays of all stops and the limits of the certificate, it contains the stop that
+        takes longest ("longest") and the stop in which the tip moves farthest ("farthest").
+        """
         slowest_stop = int(np.argmax(self.duration))
         longest_travel = int(np.argmax(self.travel))
         return {
@@ -69,7 +78,7 @@ def controlled_stops(
     limits: TaskLimits | None = None,
     instants: int | Array = INSTANTS,
 ) -> Stops:
-    """Compute the quickest stops along the path of a motion from n instants, and check them.
+    """Compute the quickest stops of a motion from n instants along its path, and check them.
 
     Parameters
     ----------
@@ -79,8 +88,8 @@ def controlled_stops(
         Robot that performs the motion.
     limits : TaskLimits, optional
         Limits of the task. The default is the ranges of the robot.
-    instants : int or (n,)
-        Number of instants, or times in s from the start.
+    instants : int or (n,) array
+        Number of instants, or times (s) from the start of the motion at which stops begin.
 
     Returns
     -------

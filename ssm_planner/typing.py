@@ -33,9 +33,14 @@ C = TypeVar("C")
 
 
 def _immutable(cls: type[C], **options: bool) -> type[C]:
-    """Make a class an immutable dataclass whose values have short texts.
+    """Make a class an immutable dataclass whose instances have short texts.
 
-    `options` are those of `dataclasses.dataclass`.
+    Parameters
+    ----------
+    cls : type
+        Class with annotated fields.
+    **options : bool
+        Further arguments of `dataclasses.dataclass`.
     """
     cls.__repr__ = short_repr  # type: ignore[method-assign]
     return dataclass(frozen=True, repr=False, **options)(cls)

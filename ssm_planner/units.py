@@ -1,4 +1,10 @@
-"""Convert quantities with units, such as `65 deg/s`, to numbers in SI units."""
+"""Convert quantities with units, such as `65 deg/s`, to numbers in SI units.
+
+Every number with a dimension in a YAML file has its unit. `parse_quantity` reads such a text for a
+given kind of quantity (`QUANTITY_KINDS`), and checks its dimensions and its plausibility. Other
+functions read fractions, vectors and intervals. `split_heading` and the factors `TIMES`, `ANGLES`,
+`LENGTHS` and `SPEEDS` serve the columns of tables, and `display_unit` serves messages.
+"""
 
 import math
 import re
@@ -73,9 +79,22 @@ _UNIT_AT_END = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){_PER_SECOND}?|s
 
 
 def split_heading(name: str) -> tuple[str, str]:
-    """Split a column heading such as `roll [deg/s]`, `roll (deg/s)` or `roll_deg_per_s`.
+    """Split the heading of a column, such as `roll [deg/s]`, into its label and its unit.
 
-    The result is the label and the unit. The unit is "" if the heading does not state one.
+    The unit may be in brackets or parentheses, or at the end of the heading after `_` or a space,
+    as in `roll_deg_per_s`.
+
+    Parameters
+    ----------
+    name : str
+        Heading.
+
+    Returns
+    -------
+    label : str
+        Heading without the unit.
+    unit : str
+        Unit, or "" if the heading does not state one.
     """
     match = _UNIT_IN_BRACKETS.match(name) or _UNIT_AT_END.match(name.strip())
     if match is None:
@@ -95,7 +114,12 @@ SPEEDS = {"rpm": rpm, "1/min": rpm, "rad/s": 1.0, "deg/s": deg, "mrpm": 1e-3 * r
 class BadQuantity(ValueError):
     """Error for a text that is not the required quantity.
 
-    `reason` is the fault, and `allowed` describes the allowed values.
+    Parameters
+    ----------
+    reason : str
+        Description of the fault.
+    allowed : str
+        Description of the allowed values.
     """
 
     def __init__(self, reason: str, allowed: str) -> None:
@@ -107,12 +131,24 @@ class BadQuantity(ValueError):
 def parse_quantity(value: object, unit_kind: str) -> float:
     """Convert a quantity such as `65 deg/s` to SI units.
 
-    `unit_kind` is a key of `QUANTITY_KINDS`, or "number" for a number without a unit.
+    Parameters
+    ----------
+    value : object
+        Value from a YAML file. It must be a text with a number and a unit, unless `unit_kind` is
+        "number" or "share".
+    unit_kind : str
+        Kind of quantity, a key of `QUANTITY_KINDS`. "number" means a number without a unit, and
+        "share" a fraction such as 20 % or 0.2.
+
+    Returns
+    -------
+    float
+        Value in SI units.
 
     Raises
     ------
     BadQuantity
-        If the value is not such a quantity, or is implausibly large.
+        If the value is not a quantity of this kind, or is implausibly large.
     """
     if unit_kind in _READERS_WITHOUT_UNIT:
         return _READERS_WITHOUT_UNIT[unit_kind](value)
@@ -130,9 +166,22 @@ def parse_quantity(value: object, unit_kind: str) -> float:
 
 
 def parse_number(value: object) -> float:
-    """Check that a value is a finite number without a unit, and return it.
+    """Check that a value is a finite number without a unit.
 
-    Raises BadQuantity for other values.
+    Parameters
+    ----------
+    value : object
+        Value from a YAML file.
+
+    Returns
+    -------
+    float
+        The number.
+
+    Raises
+    ------
+    BadQuantity
+        If the value is of another type, not finite, or of an implausible magnitude.
     """
     match = _QUANTITY.fullmatch(_to_ascii(value)) if isinstance(value, str) else None
     if match is not None and match[2]:
@@ -144,9 +193,20 @@ def parse_number(value: object) -> float:
 
 
 def _check_magnitude(value: float, allowed: str) -> None:
-    """Raise BadQuantity for a number that is not finite, or of an implausible magnitude.
+    """Check that a number is finite and of a plausible magnitude.
 
-    `allowed` describes the allowed values in the message.
+    Parameters
+    ----------
+    value : float
+        Number in SI units.
+    allowed : str
+        Description of the allowed values for the message.
+
+    Raises
+    ------
+    BadQuantity
+        If the number is not finite, above `LARGEST_MAGNITUDE`, or closer to 0 than its reciprocal,
+        without being 0.
     """
     if not math.isfinite(value):
         raise BadQuantity("not a finite number", allowed)
@@ -155,9 +215,23 @@ def _check_magnitude(value: float, allowed: str) -> None:
 
 
 def parse_share(value: object) -> float:
-    """Convert a share to a fraction: `20 %`, `20%` and 0.2 all give 0.2.
+    """Convert a percentage or a fraction to a fraction: `20 %`, `20%` and 0.2 all give 0.2.
 
-    Raises BadQuantity for other texts.
+    Parameters
+    ----------
+    value : object
+        Number or text from a YAML file.
+
+    Returns
+    -------
+    float
+        Fraction.
+
+    Raises
+    ------
+    BadQuantity
+        If the value is not a finite number, or a number above 10 without `%`, which was probably
+        meant as a percentage.
     """
     text = str(value).strip()
     allowed = "a share such as 10% or 0.1"
@@ -175,7 +249,22 @@ def parse_share(value: object) -> float:
 def parse_vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     """Convert a vector such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm` to SI units.
 
-    `kinds` contains the kind of quantity of each component. Raises BadQuantity for other values.
+    Parameters
+    ----------
+    value : object
+        List of quantities, or text with one unit after the bracket.
+    kinds : tuple of str
+        Kind of quantity of each component, see `parse_quantity`.
+
+    Returns
+    -------
+    tuple of float
+        Components in SI units.
+
+    Raises
+    ------
+    BadQuantity
+        If the number of components is wrong, or a component is not a quantity of its kind.
     """
     shape = ", ".join(QUANTITY_KINDS.get(kind, NUMBER).example for kind in kinds)
     allowed = f"{len(kinds)} values such as [{shape}]"
@@ -192,13 +281,28 @@ def parse_vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
 
 
 _READERS_WITHOUT_UNIT = {"number": parse_number, "share": parse_share}
-"""Readers of quantities that do not have a unit."""
+"""Functions that read the kinds of quantities without a unit, by kind."""
 
 
 def parse_interval(value: object, unit_kind: str) -> tuple[float, float]:
     """Convert an interval such as `[-139 deg, -81 deg]` to its bounds in SI units.
 
-    Raises BadQuantity unless the lower bound is first.
+    Parameters
+    ----------
+    value : object
+        List of two quantities, or text with one unit after the bracket.
+    unit_kind : str
+        Kind of quantity of both bounds, see `parse_quantity`.
+
+    Returns
+    -------
+    (float, float)
+        Lower and upper bound in SI units.
+
+    Raises
+    ------
+    BadQuantity
+        If a bound is not a quantity of this kind, or the lower bound is not below the upper one.
     """
     low, high = parse_vector(value, (unit_kind, unit_kind))
     if not low < high:
@@ -209,7 +313,24 @@ def parse_interval(value: object, unit_kind: str) -> tuple[float, float]:
 def _convert(magnitude: float, unit: str, target: "QuantityKind") -> float:
     """Convert a magnitude with a unit to SI units.
 
-    Raises BadQuantity if the unit is unknown, or does not belong to the kind of quantity `target`.
+    Parameters
+    ----------
+    magnitude : float
+        Number before the unit.
+    unit : str
+        Unit in ASCII characters, such as N*m*s/rad.
+    target : QuantityKind
+        Required kind of quantity.
+
+    Returns
+    -------
+    float
+        Value in SI units.
+
+    Raises
+    ------
+    BadQuantity
+        If the unit is unknown, does not belong to this kind, or gives an implausible value.
     """
     if _UNIT.fullmatch(unit) is None:
         raise BadQuantity(
@@ -232,9 +353,21 @@ def _convert(magnitude: float, unit: str, target: "QuantityKind") -> float:
 
 
 def _check_plausible(value: float, target: "QuantityKind", text: str) -> float:
-    """Return a value in SI units. Raises BadQuantity if its size suggests another unit.
+    """Return a value unchanged, or raise an error if its size suggests another unit.
 
-    `text` is the value as the user wrote it.
+    Parameters
+    ----------
+    value : float
+        Value in SI units.
+    target : QuantityKind
+        Kind of quantity with its largest plausible value.
+    text : str
+        Value as the user wrote it, for the message.
+
+    Raises
+    ------
+    BadQuantity
+        If the magnitude is implausible, or a temperature is below absolute zero.
     """
     _check_magnitude(value, target.expected)
     if abs(value) > target.largest:
@@ -249,9 +382,24 @@ def _check_plausible(value: float, target: "QuantityKind", text: str) -> float:
 
 @lru_cache(maxsize=256)
 def _parse_unit(text: str) -> tuple[float, Dimensions]:
-    """Return the factor to SI units and the dimensions of a unit such as N*m*s/rad.
+    """Compute the factor to SI units and the dimensions of a unit such as N*m*s/rad.
 
-    Raises KeyError with the name of an unknown unit.
+    Parameters
+    ----------
+    text : str
+        Unit in ASCII characters. A sign `/` applies only to the next factor.
+
+    Returns
+    -------
+    factor : float
+        Value of the unit in SI units.
+    dimensions : Dimensions
+        Powers of the base dimensions. Dimensions that cancel are omitted.
+
+    Raises
+    ------
+    KeyError
+        If a unit is unknown. The argument of the error is its name.
     """
     factor = 1.0
     powers = Counter[str]()
@@ -266,9 +414,24 @@ def _parse_unit(text: str) -> tuple[float, Dimensions]:
 
 @lru_cache(maxsize=256)
 def _unit_by_name(name: str) -> tuple[float, Dimensions]:
-    """Return the factor and the dimensions of a single unit, which may have a prefix or a plural s.
+    """Return the factor to SI units and the dimensions of a single unit.
 
-    Raises KeyError if the unit is unknown.
+    Parameters
+    ----------
+    name : str
+        Name or symbol of the unit. It may have a prefix and, if it is long, a plural s.
+
+    Returns
+    -------
+    factor : float
+        Value of the unit in SI units.
+    dimensions : Dimensions
+        Powers of the base dimensions.
+
+    Raises
+    ------
+    KeyError
+        If the unit is unknown. The argument of the error is its name.
     """
     singular = name.removesuffix("s") if len(name) > LONGEST_SYMBOL else name
     for symbol in (name, singular):
@@ -283,7 +446,16 @@ def _unit_by_name(name: str) -> tuple[float, Dimensions]:
 
 
 def _unit_without_prefix(name: str) -> tuple[float, Dimensions] | None:
-    """Return the factor and the dimensions of a unit without a prefix, or None if it is unknown."""
+    """Return the factor to SI units and the dimensions of a unit without a prefix.
+
+    Base units have the factor 1. A derived unit is defined by a factor and an expression of other
+    units. The result is None if the unit is unknown.
+
+    Parameters
+    ----------
+    name : str
+        Name or symbol of the unit.
+    """
     if name in _SYMBOLS["base"]:
         return 1.0, ((_SYMBOLS["base"][name][1], 1),)
     if name not in _SYMBOLS["derived"]:
@@ -294,7 +466,16 @@ def _unit_without_prefix(name: str) -> tuple[float, Dimensions] | None:
 
 
 def _quantity_name(dimensions: Dimensions) -> str:
-    """Return the name of the quantity with these dimensions, or a text of the dimensions."""
+    """Return the name of the quantity with given dimensions, for messages.
+
+    The result is the name of the first kind of quantity with these dimensions, "a pure number", or
+    a text of the dimensions, such as "a [length]^4".
+
+    Parameters
+    ----------
+    dimensions : Dimensions
+        Powers of the base dimensions.
+    """
     for kind in QUANTITY_KINDS.values():
         if _parse_unit(kind.unit)[1] == dimensions:
             return kind.name
@@ -370,10 +551,23 @@ _DISPLAY_UNITS = {"m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
 
 
 def display_unit(unit: str, degree: str = "deg") -> tuple[str, float]:
-    """Return the unit in which messages display values of an SI unit, and the factor to this unit.
+    """Return the unit in which messages display values, and the factor to this unit.
 
-    The result for "rad/s" is ("deg/s", 57.3). "rpm" represents the speed of a motor in rad/s.
-    `degree` is the symbol of a degree, such as "°" on pages and in figures.
+    The result for "rad/s" is ("deg/s", 57.3).
+
+    Parameters
+    ----------
+    unit : str
+        SI unit of the values. "rpm" represents the speed of a motor in rad/s.
+    degree : str
+        Symbol of a degree, such as "°" on pages and in figures.
+
+    Returns
+    -------
+    name : str
+        Displayed unit.
+    scale : float
+        Factor by which values in SI units must be multiplied.
     """
     base, separator, denominator = unit.partition("/")
     if base == "rad":
