@@ -8,6 +8,8 @@ class Renamed:
     """Descriptor for the old name of an attribute that was renamed.
 
     Access to the old name gives a DeprecationWarning, and returns the attribute with the new name.
+    For example, the line `doubt = Renamed("uncertified_reason")` in a class keeps the old name
+    `doubt`.
 
     Parameters
     ----------

@@ -76,6 +76,7 @@ if TYPE_CHECKING:  # the check reads plans and must not load the planner
 PLAN_FORMAT = "ssm_planner plan"
 """Value of the key `format` of a plan.json."""
 PLAN_VERSION = 1
+"""Version of the format of a plan.json."""
 PLOT_RATE = 200.0
 """Samples per second of a plotted motion."""
 LARGEST_FILE = 2_000_000_000
@@ -95,6 +96,7 @@ PLAN_UNITS = {
     "motor speed": "rad/s",
     "everything else": "SI, radians",
 }
+"""Value of the key `units` of a plan.json, which explains the file to its readers."""
 
 
 def software() -> dict[str, str]:
@@ -128,7 +130,9 @@ class PhaseSummary:
     """
 
     name: str
+    """Name of the motion in the problem."""
     duration: float
+    """Duration of the phase, s."""
     toppra_duration: float | None
     """Shortest duration along the path of the phase by the package toppra, s.
 
@@ -137,12 +141,13 @@ class PhaseSummary:
     lower_bound: float
     """Lower bound of the duration of any motion within the same limits, s."""
     task_start: tuple[float, ...]
-    """Roll, tilt, spin and depth at the start."""
+    """Roll, tilt and spin (rad), and depth (m) at the start."""
     task_end: tuple[float, ...]
+    """Roll, tilt and spin (rad), and depth (m) at the end."""
     branch: int | None
     """Branch of the inverse kinematics, ±1, or None for a phase without a path."""
     iterations: int
-    """Iterations of the solvers."""
+    """Total number of iterations of the solvers."""
     solver: str = "Ipopt"
     """Solver that found the motion: "Ipopt", "structured", "TOPP-RA", or "" for a pause.
 
@@ -161,10 +166,10 @@ class PhaseSummary:
     confirmation_residual: float | None = None
     """Largest violation of the optimality conditions (KKT residual) in Ipopt's confirmation."""
     reversal_multiplier: float | None = None
-    """Share of the duration that a further reversal of a joint would save, to first order.
+    """Fraction of the duration that a further reversal of a joint would save, to first order.
 
-    It is the largest multiplier of the constraints on the directions of the joints. None for
-    motions along paths.
+    It is the largest Lagrange multiplier of the constraints on the directions in which the joints
+    move. None for motions along paths.
     """
     corner_departure: float | None = None
     """Largest distance of the tip from its lines between rounded corners, m."""
@@ -173,13 +178,11 @@ class PhaseSummary:
     constant_speed: float | None = None
     """Constant speed of the tip between the ramps at both ends, m/s."""
     constant_from: float | None = None
+    """Start of the interval with constant speed, s from the start of the phase."""
     constant_to: float | None = None
-    """End of the interval with constant speed, s from the start of the phase.
-
-    `constant_from` is the start of this interval.
-    """
+    """End of the interval with constant speed, s from the start of the phase."""
     constant_error: float | None = None
-    """Largest relative error of the speed in this interval."""
+    """Largest relative error of the speed in the interval with constant speed."""
     not_judged: str | None = None
     """Reason why toppra cannot judge the duration of the phase."""
     path_bound: float | None = None
@@ -275,12 +278,12 @@ TOO_FAST_DIFFERENCE = 1e-4
 TOO_SLOW_DIFFERENCE = 1e-3
 """Relative difference to toppra's duration above which a motion is slower than necessary."""
 SMALLEST_SENSITIVITY = 1e-4
-"""Smallest sensitivity that is significant, as a share of the duration.
+"""Smallest sensitivity that is significant, as a fraction of the duration.
 
 The duration of a plan has about this accuracy.
 """
 HEAT_OBJECTIVE_ALLOWANCE = 1e-3
-"""Share of the duration that the objective "time then heat" may add."""
+"""Fraction of the duration that the objective "time then heat" may add."""
 LIMITS_IGNORED_BY_TOPPRA = ("continuous torque", "nut contact", "self-locking")
 """Names of limits that toppra does not consider."""
 BINDING_MARGIN = 0.01
@@ -463,9 +466,9 @@ class Plan:
         """Return the plan with toppra's durations along its paths, and the proof of its limits.
 
         The command `plan` and the method `save` call this method, but the function `plan` does not.
-        The plan is returned unchanged if it did not pass the check, if another planner than
-        `optimal` made it, or if toppra has judged it already. If toppra or the proof contradicts
-        the check, the returned plan has a `reason`.
+        The plan is returned unchanged if it did not pass the check, if it has no phases, if another
+        planner than `optimal` made it, or if toppra has judged it already. If toppra or the proof
+        contradicts the check, the returned plan has a `reason`.
 
         Parameters
         ----------
@@ -654,7 +657,7 @@ class Plan:
         return None if self.trajectory is None else tip_error(self.trajectory, self.robot)
 
     def limit_differences(self, robot: Robot) -> tuple[str, ...]:
-        """Return one sentence for each limit that differs between another robot and the plan's robot.
+        """Return one sentence for each limit that differs between the plan's robot and another one.
 
         Parameters
         ----------
@@ -844,7 +847,8 @@ class Plan:
         Parameters
         ----------
         data : object
-            Content of the file as JSON types. Long lists of numbers may be arrays.
+            Content of the file as JSON types. The coefficients of the trajectory may also be an
+            array (m, 6, 4).
         sha256 : str
             SHA-256 of the file in hexadecimal.
         file : Path
@@ -1165,8 +1169,8 @@ def _turn_notes(
 ) -> list[str]:
     """Return remarks on phases that change the branch, or turn a joint by more than half a turn.
 
-    Only problems with free motions have such remarks, because the planner chooses the final joint
-    positions of free motions.
+    Only problems with free motions have such remarks, because the path of the other motions
+    determines how the joints turn.
 
     Parameters
     ----------

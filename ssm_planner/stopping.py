@@ -78,7 +78,10 @@ def controlled_stops(
     limits: TaskLimits | None = None,
     instants: int | Array = INSTANTS,
 ) -> Stops:
-    """Compute the quickest stops of a motion from n instants along its path, and check them.
+    """Compute the quickest stops of a motion from n instants, and check them.
+
+    The stops follow the path of the motion, unless the jerk of a joint is limited. In this case,
+    every joint stops by itself.
 
     Parameters
     ----------
