@@ -147,7 +147,7 @@ class PhaseSummary:
     branch: int | None
     """Branch of the inverse kinematics, ±1, or None for a phase without a path."""
     iterations: int
-    """Total number of iterations of the solvers."""
+    """Number of iterations of the solvers."""
     solver: str = "Ipopt"
     """Solver that found the motion: "Ipopt", "structured", "TOPP-RA", or "" for a pause.
 

@@ -176,20 +176,23 @@ def _write_poses(
     *,
     results: tuple[Array, Array],
 ) -> None:
-    """Compute orientations and tip positions, and write them into given arrays.
+    """Compute orientations and tip positions of `forward`, and write them into given arrays.
+
+    The orientation is linear in the 27 products of the terms of joints 1 to 3. The z column of the
+    orientation is the tool axis, so the tip position is this column times θ4.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
-    theta4 : (n,)
-        Positions of joint 4, m.
-    products_12 : (9, n)
+    theta4 : (n,) array
+        Positions of joint 4 (m).
+    products_12 : (9, n) array
         Products of the terms (1, cos θ, sin θ) of joint 1 and joint 2.
-    terms_3 : (3, n)
-        Terms of joint 3.
-    results : ((n, 9), (n, 3))
-        Arrays that receive the rows of R one after the other, and the tip positions in m.
+    terms_3 : (3, n) array
+        Terms (1, cos θ, sin θ) of joint 3.
+    results : ((n, 9) array, (n, 3) array)
+        Arrays that receive the rows of R one after the other, and the tip positions (m).
     """
     rotations, positions = results
     np.matmul(_term_products(products_12, terms_3).T, mechanism.orientation_terms, out=rotations)
@@ -197,10 +200,22 @@ def _write_poses(
 
 
 def _space_jacobian_terms(mechanism: Mechanism) -> Array:
-    """Return the constant matrix (9, 24) that turns products of terms into space Jacobians.
+    """Compute the constant matrix that turns products of trigonometric terms into space Jacobians.
 
-    The 9 rows belong to the products of the terms (1, cos θ, sin θ) of joints 1 and 2, and the 24
-    columns to the entries of a Jacobian (6, 4).
+    The columns of the Jacobian (`space_jacobian`) are ω1, a2 = e^{ω̂1 θ1} ω2 and a3 = e^{ω̂1 θ1}
+    e^{ω̂2 θ2} ω3 in zeros. Each is a linear combination of the products of the terms (1, cos θ, sin
+    θ) of joints 1 and 2.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes of the robot.
+
+    Returns
+    -------
+    (9, 24) array
+        One row for each product, in the order of `_term_products`, and one column for each entry of
+        a Jacobian (6, 4).
     """
     term_1, term_2, _ = mechanism.exponentials
     terms = np.zeros((3, 3, 6, 4))
@@ -240,15 +255,38 @@ def forward_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "tuple[casadi.SX, 
 
 
 def tip_position_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
-    """Return the tip position of `forward_symbolic` in the base frame (m), (3, 1), in CasADi.
+    """Return the tip position of one configuration as a CasADi expression.
 
-    `q` (4, 1) contains the joint positions (rad and m).
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (4, 1) expression
+        Joint positions (rad and m).
+
+    Returns
+    -------
+    (3, 1) expression
+        Tip position p of `forward_symbolic` in the base frame (m).
     """
     return forward_symbolic(mechanism, q)[1]
 
 
 def tip_jacobian(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
-    """Return the Jacobian ∂p/∂q (3, 4) of the tip position p in CasADi for joints q (4, 1)."""
+    """Return the Jacobian ∂p/∂q of the tip position p of one configuration in CasADi.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (4, 1) symbol
+        Joint positions (rad and m).
+
+    Returns
+    -------
+    (3, 4) expression
+        Jacobian (m/rad for joints 1 to 3, and without a unit for joint 4).
+    """
     import casadi
 
     return casadi.jacobian(tip_position_symbolic(mechanism, q), q)
@@ -264,16 +302,25 @@ The limit applies to the speed |J(q) q̇|.
 
 
 def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd: Array) -> Array:
-    """Return the speed of the tool (n,) to which a kind of speed limit applies, in SI units.
+    """Compute the speed of the tool to which a kind of speed limit applies.
+
+    The speed is |J(q) q̇| with the Jacobian J of the limit in `SPEED_JACOBIANS`.
 
     Parameters
     ----------
     limit_type : type of SpeedLimit
-        Kind of limit. Its entry J in `SPEED_JACOBIANS` defines the speed |J(q) q̇|.
+        Kind of limit, such as TipSpeed.
     mechanism : Mechanism
         Axes and tool frame.
-    q, qd : (n, 4)
-        Joint positions in rad and m, and joint velocities.
+    q : (n, 4) array
+        Joint positions (rad and m).
+    qd : (n, 4) array
+        Joint velocities (rad/s and m/s).
+
+    Returns
+    -------
+    (n,) array
+        Speeds in SI units, for TipSpeed in m/s.
     """
     from ssm_planner.codegen import call
 
@@ -281,9 +328,19 @@ def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd:
 
 
 def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
-    """Return the largest permitted speeds (kinds,) in SI units, in the order of `SPEED_JACOBIANS`.
+    """Return the largest permitted speed for each kind of speed limit.
 
-    Kinds of speed without a limit get the value `unlimited`.
+    Parameters
+    ----------
+    limits : iterable of SpeedLimit
+        Limits of a problem.
+    unlimited : float
+        Value for kinds of speed without a limit.
+
+    Returns
+    -------
+    (k,) array
+        Largest speeds in SI units, in the order of the k kinds in `SPEED_JACOBIANS`.
 
     Raises
     ------
@@ -299,7 +356,17 @@ def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
 
 @lru_cache(maxsize=16)
 def _tool_speed_function(limit_type: type[SpeedLimit], mechanism: Mechanism) -> "casadi.Function":
-    """Build the CasADi function of q and qd (4,) that returns the limited speed."""
+    """Build the CasADi function that computes the speed of `tool_speed` for one configuration.
+
+    Its arguments are q (4,) and q̇ (4,), and its result is the scalar |J(q) q̇|.
+
+    Parameters
+    ----------
+    limit_type : type of SpeedLimit
+        Kind of limit.
+    mechanism : Mechanism
+        Axes and tool frame.
+    """
     import casadi
 
     q = casadi.SX.sym("q", 4)

@@ -57,12 +57,15 @@ class Mechanism:
     """
 
     omega1: Array
+    """Unit vector ω1 (3,) of the axis of joint 1."""
     omega2: Array
+    """Unit vector ω2 (3,) of the axis of joint 2."""
     omega3: Array
+    """Unit vector ω3 (3,) of the axis of joint 3, which is the tool axis."""
     tool_home: Array
     """R_0 (3, 3), the rotation base ← tool at q = 0. Its z column is omega3."""
     tilt_axis: Array
-    """Unit vector t in the plane of omega1 and omega2.
+    """Unit vector t (3,) in the plane of omega1 and omega2.
 
     It is perpendicular to omega1 and on the side of omega2.
     """
@@ -77,7 +80,7 @@ class Mechanism:
 
     @classmethod
     def from_robot(cls, robot: Robot) -> "Mechanism":
-        """Build the mechanism of a robot."""
+        """Build the mechanism of a robot, or return the existing one for equal geometry."""
         return cls.from_geometry(robot.geometry)
 
     @classmethod
@@ -198,9 +201,19 @@ class Mechanism:
         return -1 if math.sin(self.delta) > 0.0 else 1
 
     def branch_of(self, q: Array) -> Array:
-        """Return the branch of the inverse kinematics on which joints q (..., 4) lie.
+        """Return the branch of the inverse kinematics on which joint positions lie.
 
-        The branch, +1 or −1, is the sign of sin(θ2 − δ). A sine of zero counts as −1.
+        The branch is the sign of sin(θ2 − δ). A sine of zero counts as −1.
+
+        Parameters
+        ----------
+        q : (..., 4) array
+            Joint positions (rad and m).
+
+        Returns
+        -------
+        (...) array
+            Branches, +1 or −1.
         """
         return np.where(np.sin(q[..., 1] - self.delta) > 0.0, 1, -1)
 
@@ -297,7 +310,18 @@ def tilt_magnitudes(alpha: float, beta: float) -> Range:
 
 
 def check_angles(alpha: float, beta: float) -> None:
-    """Raise GeometryError unless both angles between the axes are in [0, π] rad."""
+    """Raise an error unless both angles between the axes are in [0, π].
+
+    Parameters
+    ----------
+    alpha, beta : float
+        Angles α between the axes of joints 1 and 2, and β between those of joints 2 and 3 (rad).
+
+    Raises
+    ------
+    GeometryError
+        If an angle is outside [0, π] or NaN.
+    """
     for name, angle in (("alpha", alpha), ("beta", beta)):
         if not 0.0 <= angle <= math.pi:
             raise GeometryError(
@@ -383,11 +407,16 @@ def _angle_between(a: Array, b: Array) -> float:
 
 
 def _home_tilt_sign(along_t: float, along_n: float) -> int:
-    """Return the sign, ±1, of the tilt φ at q = 0 whose roll ψ lies in (−90°, 90°].
+    """Return the sign, ±1, of the tilt φ at q = 0 for which the roll ψ lies in (−90°, 90°].
 
-    The tool axis is cos φ ω1 + sin φ (sin ψ t − cos ψ n). Here ω1 is the first joint axis, n is the
-    normal of the first two joint axes, and t = n × ω1. `along_t` and `along_n` are the components
-    of the tool axis along t and n.
+    The tool axis is cos φ ω1 + sin φ (sin ψ t − cos ψ n), with the first joint axis ω1, the normal
+    n of the first two joint axes, and t = n × ω1. The poses (ψ, φ) and (ψ + π, −φ) are equal, so
+    the interval of ψ determines the sign of φ.
+
+    Parameters
+    ----------
+    along_t, along_n : float
+        Components of the tool axis along t and n.
     """
     if abs(along_n) > PARALLEL_AXES_SINE:
         return -1 if along_n > 0.0 else 1
@@ -395,10 +424,22 @@ def _home_tilt_sign(along_t: float, along_n: float) -> int:
 
 
 def _third_axis(alpha: float, beta: float, tilt: float) -> Array:
-    """Return the tool axis (3,) with a given tilt in a mechanism with ω1 = x and t = y.
+    """Compute the tool axis with a given tilt in a mechanism with ω1 = x and t = y.
 
     The result is e^{ω̂2 θ2} ω3 of the equations at the top of this module, on the branch that gives
-    a roll in [−90°, 90°]. All angles are in rad.
+    a roll in [−90°, 90°].
+
+    Parameters
+    ----------
+    alpha, beta : float
+        Angles α between the axes of joints 1 and 2, and β between those of joints 2 and 3 (rad).
+    tilt : float
+        Signed tilt (rad) that the mechanism can reach.
+
+    Returns
+    -------
+    (3,) array
+        Unit vector.
     """
     half = abs(tilt) / 2.0
     cosine2, sine2 = elbow_half_angle_squares(NUMPY, alpha, beta, math.cos(half), math.sin(half))
@@ -449,10 +490,12 @@ def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
 def elbow_half_angle_squares(
     xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any
 ) -> tuple[Any, Any]:
-    """Compute, up to a common factor, cos²(x/2) and sin²(x/2) for a tilt φ, with x = θ2 − δ.
+    """Compute cos²(x/2) and sin²(x/2) for a tilt φ, up to a common factor, with x = θ2 − δ.
+
+    This is the inverse of `tilt_magnitude`. The results are
 
         C² = sin((α + β + φ)/2) sin((α + β − φ)/2)
-        S² = sin((φ + α − β)/2) sin((φ − α + β)/2)
+        S² = sin((φ + α − β)/2) sin((φ − α + β)/2).
 
     Each of the two vanishes at one end of the tilt range and is negative beyond it. Their sum is
     sin α sin β times the squared norm of (cosine, sine).
@@ -462,14 +505,14 @@ def elbow_half_angle_squares(
     xp : Namespace
         Elementary functions of NumPy or CasADi.
     alpha, beta : float or array
-        Angles α and β, rad.
+        Angles α between the axes of joints 1 and 2, and β between those of joints 2 and 3 (rad).
     cosine, sine : array or expression
         cos(φ/2) and sin(φ/2), or both times a common factor.
 
     Returns
     -------
-    (C², S²)
-        Proportional to cos²(x/2) and sin²(x/2).
+    cosine2, sine2 : array or expression
+        C² and S², which are proportional to cos²(x/2) and sin²(x/2).
     """
     half_difference = (alpha - beta) / 2.0
     half_sum = (alpha + beta) / 2.0

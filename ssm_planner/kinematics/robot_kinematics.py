@@ -1,4 +1,8 @@
-"""Compute tool poses, joint solutions and the workspace of a robot, for users of the package."""
+"""Compute tool poses, joint solutions and the workspace of a robot, for users of the package.
+
+The public functions `fk`, `ik`, `jacobian` and `workspace` accept a `Robot` and arrays. They call
+the functions of the other modules of this package, which work on a `Mechanism`.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, JsonObject, Mask, Range, record
 
 EQUAL_JOINTS = 1e-7
-"""Largest difference of the joints (rad, m) of two solutions that are considered equal."""
+"""Largest difference (rad or m) of any joint between two solutions that count as equal."""
 
 
 @record
@@ -216,21 +220,26 @@ def ik(
     within_limits: bool = False,
     reference: ArrayLike | None = None,
 ) -> JointSolutions:
-    """Return every joint solution for points in task coordinates (paper, §II-C).
+    """Compute every joint solution for points in task coordinates (paper, §II-C).
+
+    Each point has two solutions, one on each branch of the inverse kinematics, that is, for each
+    sign of sin(θ2 − δ) with δ of `Mechanism.delta`. For a point outside the workspace, the
+    solutions reach the nearest tilt inside.
 
     Parameters
     ----------
     robot : Robot
         Robot whose joints are computed.
-    roll, tilt, spin : float or (n,)
-        Angles of the tool in rad. For the coordinates of a Task, pass `**task.set_coordinates`.
-    depth : float or (n,)
-        Distance of the tip beyond the remote centre in m.
+    roll, tilt, spin : float or (n,) array
+        Angles of the tool (rad). For the coordinates of a Task, pass `**task.set_coordinates`.
+    depth : float or (n,) array
+        Distance of the tip beyond the remote centre (m).
     within_limits : bool
-        Leave out solutions beyond the joint ranges. For n points, these solutions become NaN.
-    reference : (4,), optional
-        Joint positions. Solutions are sorted by their distance to it, and revolute joints are moved
-        next to it by whole turns. The default is home.
+        True to leave out solutions beyond the joint ranges. For n points, these solutions become
+        NaN.
+    reference : (4,) array, optional
+        Joint positions (rad and m). Solutions are sorted by their distance to it, and revolute
+        joints are moved next to it by whole turns. The default is home (q = 0).
 
     Returns
     -------
@@ -302,6 +311,16 @@ def workspace(robot: Robot) -> Workspace:
     """Compute the range of tilts that a robot reaches, in closed form (paper, §II-B).
 
     `design_region` solves the inverse problem: it computes the robots that reach a given range.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with its geometry.
+
+    Returns
+    -------
+    Workspace
+        Range of the tilts (rad), and the angles that determine it.
 
     Examples
     --------

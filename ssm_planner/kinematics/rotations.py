@@ -122,9 +122,20 @@ def rotation_symbolic(omega: Any, angle: Any) -> "casadi.SX":
 
 
 def casadi_constant(value: Any) -> Any:
-    """Convert an array to a sparse CasADi constant, and drop rounding errors of zero.
+    """Convert an array to a sparse CasADi constant without the rounding errors of zeros.
 
-    CasADi expressions are returned unchanged.
+    Entries below 1e-15 times the largest magnitude become zeros of the sparse matrix, so that they
+    do not add operations to an expression.
+
+    Parameters
+    ----------
+    value : array or expression
+        Constant. A CasADi expression is returned unchanged.
+
+    Returns
+    -------
+    casadi.DM or casadi.SX
+        Sparse constant, or the unchanged expression.
     """
     import casadi
 
@@ -136,18 +147,21 @@ def casadi_constant(value: Any) -> Any:
 
 
 def check_rows(name: str, value: ArrayLike, width: int) -> Array:
-    """Check an argument, and return it as rows of finite numbers (n, width).
-
-    A single row (width,) becomes a batch of one.
+    """Check an array argument, and return it as rows of finite numbers.
 
     Parameters
     ----------
     name : str
         Name of the argument. The error message contains it.
-    value : array-like
-        Value of the argument.
+    value : (width,) or (n, width) array-like
+        Value of the argument. A single row becomes a batch of one.
     width : int
         Required length of a row.
+
+    Returns
+    -------
+    (n, width) array
+        The same numbers.
 
     Raises
     ------
@@ -169,9 +183,19 @@ def check_rows(name: str, value: ArrayLike, width: int) -> Array:
 
 
 def check_finite(name: str, array: Array) -> None:
-    """Raise GeometryError with the index of the first value that is not finite.
+    """Raise an error if an array contains a value that is not finite.
 
-    `name` is the name of the argument in the message. The array may have any shape.
+    Parameters
+    ----------
+    name : str
+        Name of the argument. The error message contains it.
+    array : (...) array
+        Values in any shape.
+
+    Raises
+    ------
+    GeometryError
+        With the index of the first value that is not finite.
     """
     if not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
