@@ -42,7 +42,13 @@ def python_command(code: str) -> list[str]:
 def module_folders() -> list[str]:
     """Return the folders from which this process imports modules, without the working directory.
 
-    The working directory remains if it contains this package.
+    A child process that uses these folders cannot import a module that lies in the working
+    directory by accident. The working directory remains if it contains this package.
+
+    Returns
+    -------
+    list of str
+        Absolute paths.
     """
     home = Path(__file__).resolve().parents[1]
     current_folder = Path.cwd()

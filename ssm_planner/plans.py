@@ -390,6 +390,11 @@ class Plan:
         name : str
             Name of the plan, which is also the name of its result folder.
 
+        Returns
+        -------
+        Plan
+            Solved plan with one phase. The start time of its trajectory is 0.
+
         Raises
         ------
         TrajectoryError, ProblemError
@@ -596,14 +601,20 @@ class Plan:
 
     @cached_property
     def sizing(self) -> Sizing | None:
-        """Check of the robot's motors and gears at 25 °C with the problem's duty."""
+        """Check of the robot's motors and gears at an ambient temperature of 25 °C.
+
+        The pause after each motion is that of the problem's duty. None without a trajectory.
+        """
         if self.trajectory is None:
             return None
         return size_motion(self.trajectory, self.robot, pause_after_motion(self.problem))
 
     @cached_property
     def stops(self) -> Stops | None:
-        """Quickest controlled stops from many instants, or None for a plan that did not pass."""
+        """Quickest controlled stops from many instants of the motion.
+
+        None for a plan that did not pass.
+        """
         return controlled_stops(self.motion, self.robot, self.limits) if self.passed else None
 
     @property
@@ -615,7 +626,7 @@ class Plan:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks on missing data and assumptions."""
+        """Remarks on missing data, assumptions, and limits that were not checked or not proven."""
         notes = []
         if self.uncertified_reason is not None:
             notes.append(f"not certified: {self.uncertified_reason}: plan it again")
@@ -645,7 +656,10 @@ class Plan:
 
     @property
     def unproven(self) -> list[tuple[str, str | None]]:
-        """Names and joints of the limits that the proof does not cover. Empty without a proof."""
+        """Names and joints of the limits that the proof does not cover.
+
+        The list is empty if the plan was not proven at all, or has no certificate.
+        """
         if self.certificate is None or not self.proof:
             return []
         keys = [(limit.name, limit.joint) for limit in self.certificate.limits]
@@ -653,7 +667,7 @@ class Plan:
 
     @cached_property
     def tip_error(self) -> TipError | None:
-        """Bound on the distance of the tip from the plan. None without a trajectory."""
+        """Bound on the distance of the real tip from the planned tip. None without a trajectory."""
         return None if self.trajectory is None else tip_error(self.trajectory, self.robot)
 
     def limit_differences(self, robot: Robot) -> tuple[str, ...]:
@@ -687,7 +701,12 @@ class Plan:
 
     @property
     def disagreements(self) -> tuple[str, ...]:
-        """Remarks on limits that the proof refutes, and on phases that are too fast for toppra."""
+        """Remarks on limits that the proof refutes, and on phases that are too fast for toppra.
+
+        A phase is too fast if its duration is shorter than toppra's by a relative difference of
+        more than `TOO_FAST_DIFFERENCE`. One of the two programs must then be wrong. The tuple is
+        empty if nothing contradicts the check.
+        """
         refuted = tuple(
             f"the proof refutes a limit: {proof.name} {proof.joint or ''} at {proof.time:.4f} s"
             for proof in self.proof
@@ -733,7 +752,11 @@ class Plan:
         return self.file_sha256 or self._serialise(len)
 
     def summary(self) -> JsonObject:
-        """Return the content of the output of `plan --json`, in SI units and radians."""
+        """Return the content of the output of `plan --json`, in SI units and radians.
+
+        It begins with the attributes `SUMMARY_FIELDS`. The trajectory, the complete certificate and
+        the stops are only in plan.json.
+        """
         summary = {
             **get_attributes(self, SUMMARY_FIELDS),
             "cross_check": self.cross_check,
@@ -786,7 +809,8 @@ class Plan:
     def _text_parts(self) -> Iterator[str]:
         """Yield the text of plan.json in parts, so that a long motion needs little memory.
 
-        Each polynomial piece of the motion is on one line.
+        Each polynomial piece of the motion is on one line. The other content precedes the
+        trajectory.
         """
         text = json.dumps(self._content(), indent=1, allow_nan=False)
         if self.trajectory is None:
@@ -1044,6 +1068,11 @@ def _check_document(document: Any, path: Path) -> JsonObject:
     path : Path
         Name of the file for messages.
 
+    Returns
+    -------
+    dict
+        The same data.
+
     Raises
     ------
     TrajectoryError
@@ -1104,6 +1133,11 @@ def _range_notes(problem: Problem) -> list[str]:
     ----------
     problem : Problem
         Problem with its requested ranges.
+
+    Returns
+    -------
+    list of str
+        One remark for each such range.
     """
 
     def text(name: str, ends: tuple[float, float]) -> str:
@@ -1154,6 +1188,11 @@ def _start_notes(problem: Problem, trajectory: Trajectory) -> list[str]:
         Problem with its start.
     trajectory : Trajectory
         Planned motion.
+
+    Returns
+    -------
+    list of str
+        One remark for each such joint.
     """
     if isinstance(problem.start, Joints):
         return []
@@ -1180,6 +1219,11 @@ def _turn_notes(
         Planned motion.
     phases : tuple of PhaseSummary
         Phases of the motion with their durations.
+
+    Returns
+    -------
+    list of str
+        Remarks in the order of the phases.
     """
     if not any(isinstance(entry, Free) for entry in problem.motion):
         return []
@@ -1208,6 +1252,11 @@ def _motor_notes(requirement: MotorRequirement) -> list[str]:
     ----------
     requirement : MotorRequirement
         Requirement of the joint, with its motor.
+
+    Returns
+    -------
+    list of str
+        At most one remark.
     """
     joint, motor = requirement.joint, requirement.motor
     if motor is None:
@@ -1230,6 +1279,11 @@ def _friction_notes(robot: Robot, requirement: MotorRequirement) -> list[str]:
         Robot with its drives.
     requirement : MotorRequirement
         Requirement of the joint, with the largest speed of its motor.
+
+    Returns
+    -------
+    list of str
+        At most one remark.
     """
     drive = robot.joints[JOINTS.index(requirement.joint)].drive
     if drive is None or drive.friction is None:

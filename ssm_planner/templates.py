@@ -50,6 +50,11 @@ def schema(kind: str) -> JsonObject:
     kind : str
         "problem", "robot", "drive", "motor", "motorisation", "controller" or "study".
 
+    Returns
+    -------
+    dict
+        The schema.
+
     Raises
     ------
     ProblemError

@@ -697,6 +697,11 @@ class CubicPiece:
         ----------
         c : array or expression
             Time as a fraction of the duration h, between 0 and 1.
+
+        Returns
+        -------
+        u, v, a : array or expression
+            u, u̇ and ü.
         """
         t = c * self.h
         rise = self.a1 - self.a0
@@ -713,6 +718,11 @@ class CubicPiece:
         ----------
         t : array or expression
             Time since the start of the piece (s).
+
+        Returns
+        -------
+        u, v, a : array or expression
+            u, u̇ and ü.
         """
         a0 = self.a0
         jerk = self.jerk

@@ -364,6 +364,11 @@ def _check_plausible(value: float, target: "QuantityKind", text: str) -> float:
     text : str
         Value as the user wrote it, for the message.
 
+    Returns
+    -------
+    float
+        The same value.
+
     Raises
     ------
     BadQuantity
@@ -449,12 +454,17 @@ def _unit_without_prefix(name: str) -> tuple[float, Dimensions] | None:
     """Return the factor to SI units and the dimensions of a unit without a prefix.
 
     Base units have the factor 1. A derived unit is defined by a factor and an expression of other
-    units. The result is None if the unit is unknown.
+    units.
 
     Parameters
     ----------
     name : str
         Name or symbol of the unit.
+
+    Returns
+    -------
+    (float, Dimensions) or None
+        Factor and powers of the base dimensions, or None if the unit is unknown.
     """
     if name in _SYMBOLS["base"]:
         return 1.0, ((_SYMBOLS["base"][name][1], 1),)
@@ -493,7 +503,13 @@ def _to_ascii(text: str) -> str:
 
 
 def describe(value: object) -> str:
-    """Describe the type of a YAML value for messages, for example "a list"."""
+    """Describe the type of a YAML value for messages, for example "a list".
+
+    Parameters
+    ----------
+    value : object
+        Value from a YAML file.
+    """
     descriptions = {
         type(None): "nothing",
         bool: "true/false",

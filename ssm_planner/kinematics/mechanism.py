@@ -129,6 +129,11 @@ class Mechanism:
         insertion_sign : int
             Sign in depth = insertion_sign · θ4.
 
+        Returns
+        -------
+        Mechanism
+            Mechanism with these angles.
+
         Raises
         ------
         GeometryError
@@ -345,6 +350,11 @@ def _mechanism_from_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) ->
         Rotation from the tool frame to the base frame at q = 0.
     insertion_sign : int
         Sign in depth = insertion_sign · θ4.
+
+    Returns
+    -------
+    Mechanism
+        Mechanism with unit axes. Equal arguments give the same object.
     """
     vectors = [np.frombuffer(axis) for axis in axes]
     omega1, omega2, omega3 = [vector / np.linalg.norm(vector) for vector in vectors]
@@ -368,6 +378,11 @@ def _check_tool_home(value: ArrayLike, omega3: Array) -> Array:
         Rotation from the tool frame to the base frame.
     omega3 : (3,)
         Unit vector of the third axis.
+
+    Returns
+    -------
+    (3, 3) array
+        Rotation whose z column is ω3 and whose x column is made perpendicular to it.
 
     Raises
     ------

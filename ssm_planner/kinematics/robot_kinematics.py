@@ -74,7 +74,7 @@ class JointSolutions:
     """Angle by which the tilt may change until it leaves the workspace, rad. Negative outside."""
 
     def to_dict(self) -> JsonObject:
-        """Return the content of the output of `ik --json`, rad and m."""
+        """Return the content of the output of `ik --json` as JSON types, in rad and m."""
         return {
             "reachable": self.reachable,
             "branches": self.joints.tolist(),
@@ -113,7 +113,10 @@ class Workspace:
     """Sign of the tilt at q = 0, +1 or −1."""
 
     def to_dict(self) -> JsonObject:
-        """Return the content of the output of `workspace --json`, rad."""
+        """Return the content of the output of `workspace --json` as JSON types, in rad.
+
+        The tilts of the extremes have the sign of the home tilt.
+        """
         return {
             "alpha": self.alpha,
             "beta": self.beta,
