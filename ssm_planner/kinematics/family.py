@@ -1,7 +1,7 @@
 """Evaluate closed forms for many mechanisms at once, for design studies.
 
 A family is a set of mechanisms that differ in the angle α, the home tilt and the home roll. The
-module `mechanism` explains the symbols.
+module `mechanism` explains the symbols, and `Mechanism` is the class of a single mechanism.
 """
 
 from functools import cached_property

@@ -21,6 +21,7 @@ from ssm_planner.trajectory import blocks
 from ssm_planner.typing import Array, Mask
 
 BRANCHES = (1, -1)
+"""Branches of the inverse kinematics, in the order of the solutions."""
 REACH_TOLERANCE = 1e-7
 """Largest error of a solution that reaches its target, rad and m."""
 TARGETS_PER_BLOCK = 3072

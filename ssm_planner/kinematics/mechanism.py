@@ -245,7 +245,8 @@ class Mechanism:
     def exponentials(self) -> Array:
         """Constant matrices E (3, 3, 3, 3) of the rotations about the axes of joints i = 1, 2, 3.
 
-        e^{ω̂_i θ_i} = E[i − 1, 0] + cos θ_i E[i − 1, 1] + sin θ_i E[i − 1, 2].
+        They are those of `rodrigues_terms`, so that e^{ω̂_i θ_i} = E[i − 1, 0] + cos θ_i E[i − 1,
+        1] + sin θ_i E[i − 1, 2].
         """
         terms = [rodrigues_terms(axis) for axis in (self.omega1, self.omega2, self.omega3)]
         return read_only_array(terms, (3, 3, 3, 3))
@@ -284,7 +285,10 @@ class Mechanism:
 
     @cached_property
     def spin_offset(self) -> float:
-        """Offset c in the spin σ = θ3 − η + c, rad. It makes σ zero at q = 0."""
+        """Offset c (rad) in the spin σ = θ3 − η + c, which makes the spin zero at q = 0.
+
+        η is the azimuth of ω1 about the tool axis (`azimuths`).
+        """
         on_omega1 = self.frame.T @ self.tool_on_omega1[:, 0]
         kappa = math.atan2(float(on_omega1[2]), float(on_omega1[1]))
         half = -self.delta / 2.0
@@ -555,7 +559,7 @@ def azimuths(xp: Namespace, alpha: Any, beta: Any, c: Any, s: Any) -> tuple[Any,
     xp : Namespace
         Elementary functions of NumPy or CasADi.
     alpha, beta : float or array
-        Angles α and β (rad).
+        Angles α between the axes of joints 1 and 2, and β between those of joints 2 and 3 (rad).
     c, s : array or expression
         cos(x/2) and sin(x/2). A common positive factor does not change the result.
 

@@ -47,8 +47,8 @@ class ToolPose:
 class JointSolutions:
     """Joint solutions for one point in task coordinates, or for n points, rad and m.
 
-    Solutions within the joint ranges come first. The arrays for n points have n as the first
-    length.
+    The array `joints` has the shape (k, 4) for the k distinct solutions of one point, and (n, 2, 4)
+    for both solutions of n points. Solutions within the joint ranges come first.
 
     Examples
     --------
@@ -60,18 +60,23 @@ class JointSolutions:
     """
 
     joints: Array
-    """Joint positions (k, 4). For a point outside the workspace, they reach the nearest one inside.
+    """Joint positions, (k, 4) or (n, 2, 4), rad and m.
+
+    For a point outside the workspace, they reach the nearest tilt inside.
     """
     in_limits: Mask
-    """True if the solution is within the joint ranges, (k,)."""
+    """True if the solution is within the joint ranges, (k,) or (n, 2)."""
     reachable: bool | Mask
-    """True if the point is in the workspace. Arrays (n,) hold the results for n points."""
+    """True if the point is in the workspace, for n points (n,)."""
     orientation_error: float | Array
-    """Angle between the requested and the reached tool axis, rad."""
+    """Angle between the requested and the reached tool axis, for n points (n,), rad."""
     tip_error: float | Array
-    """Distance between the requested and the reached tip position, m."""
+    """Distance between the requested and the reached tip position, for n points (n,), m."""
     boundary_distance: float | Array
-    """Angle by which the tilt may change until it leaves the workspace, rad. Negative outside."""
+    """Angle by which the tilt may change until it leaves the workspace, for n points (n,), rad.
+
+    It is negative outside the workspace.
+    """
 
     def to_dict(self) -> JsonObject:
         """Return the content of the output of `ik --json` as JSON types, in rad and m."""

@@ -1,4 +1,7 @@
-"""Represent solutions of the inverse kinematics, mark them by joint limits, and sort them."""
+"""Represent solutions of the inverse kinematics, mark them by joint limits, and sort them.
+
+The module `inverse` computes the solutions, and `mark_and_sort` selects whole turns and the order.
+"""
 
 import math
 from dataclasses import replace
@@ -11,6 +14,7 @@ from ssm_planner.kinematics.rotations import check_rows
 from ssm_planner.typing import Array, Mask, record
 
 FULL_TURN = 2.0 * math.pi
+"""Angle of a full turn, rad."""
 JOINT_DISTANCE_WEIGHTS = (1.0, 1.0, 1.0, 10.0)
 """Factors of the joint differences in the distance between two configurations.
 
