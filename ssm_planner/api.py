@@ -177,13 +177,14 @@ def size(
     plan : Plan, str or Path
         Plan, or its plan.json.
     motors : mapping, optional
-        Candidates by joint name, as motor files or Motor values. Other joints keep their own
-        motors.
+        Candidate motors by joint name, as motor files or Motor values. For other joints, only the
+        motors of the robot are checked.
     payload : float
-        Point mass at the tip, kg.
+        Point mass at the tip (kg).
     **conditions
-        Fields of Conditions in SI units: ambient, supply_voltage, current_limit, pause, confidence,
-        draws, spread. The default pause is that of the problem's duty.
+        Operating conditions and required confidence. The names are those of the fields of
+        `Conditions`: ambient, supply_voltage, current_limit, pause, confidence, draws and spread.
+        The values are in SI units. The default pause is that of the problem's duty.
 
     Returns
     -------

@@ -21,7 +21,7 @@ def terminal_width() -> int:
 
 
 def use_minus_signs(text: str) -> str:
-    """Replace hyphens in the text of a number by minus signs."""
+    """Replace the hyphens in the text of a number by minus signs (U+2212)."""
     return text.replace("-", "−")
 
 

@@ -136,7 +136,7 @@ class PhaseSummary:
     toppra_duration: float | None
     """Shortest duration along the path of the phase by the package toppra, s.
 
-    None if toppra was not called or cannot judge the phase.
+    None if toppra was not called or cannot compute a duration for the phase.
     """
     lower_bound: float
     """Lower bound of the duration of any motion within the same limits, s."""
@@ -184,11 +184,11 @@ class PhaseSummary:
     constant_error: float | None = None
     """Largest relative error of the speed in the interval with constant speed."""
     not_judged: str | None = None
-    """Reason why toppra cannot judge the duration of the phase."""
+    """Reason why toppra gives no duration for the phase."""
     path_bound: float | None = None
     """Lower bound of the duration along the path of the phase, s. None if toppra was not called."""
     sensitivities: tuple[Sensitivity, ...] | None = None
-    """Changes of the duration with the limits. None if toppra cannot judge the phase."""
+    """Changes of the duration with the limits. None if toppra gives no duration for the phase."""
 
     def to_dict(self) -> JsonObject:
         """Convert the summary to JSON types. Fields that do not apply to this phase are omitted."""
@@ -271,7 +271,7 @@ OPTIONAL_PHASE_FIELDS = (
 """Fields of PhaseSummary that plan.json omits if they are None.
 
 They apply only to free motions, to phases with rounded corners or constant speed, or to plans that
-toppra judged.
+toppra has cross-checked.
 """
 TOO_FAST_DIFFERENCE = 1e-4
 """Relative difference to toppra's duration above which a motion is faster than its path allows."""
@@ -334,7 +334,7 @@ class Plan:
     candidate.
     """
     proof: tuple[Proof, ...] = ()
-    """Bounds of each limit over continuous time. Empty if the motion was not judged."""
+    """Bounds of each limit over continuous time. Empty if no proof was computed."""
     software: Mapping[str, str] = field(default_factory=software)
     """Versions of the software that made the plan."""
     file: Path | None = field(default=None, init=False)
@@ -381,6 +381,9 @@ class Plan:
     def from_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> Plan:
         """Build the plan of a motion that another program computed, with its certificate.
 
+        The problem of the plan is a free motion from the first to the last position of the
+        trajectory.
+
         Parameters
         ----------
         trajectory : Trajectory
@@ -393,7 +396,7 @@ class Plan:
         Returns
         -------
         Plan
-            Solved plan with one phase. The start time of its trajectory is 0.
+            Solved plan with one named section. The start time of its trajectory is 0.
 
         Raises
         ------
@@ -472,7 +475,7 @@ class Plan:
 
         The command `plan` and the method `save` call this method, but the function `plan` does not.
         The plan is returned unchanged if it did not pass the check, if it has no phases, if another
-        planner than `optimal` made it, or if toppra has judged it already. If toppra or the proof
+        planner than `optimal` made it, or if toppra has checked it already. If toppra or the proof
         contradicts the check, the returned plan has a `reason`.
 
         Parameters
@@ -508,11 +511,11 @@ class Plan:
 
     @property
     def cross_check(self) -> JsonObject | None:
-        """Result of the cross-check by toppra, or None if no phase was judged.
+        """Result of the cross-check by toppra, or None if toppra gave no duration.
 
         The mapping contains the program ("by"), the sum of its durations in s ("duration"), and the
-        relative difference of the plan from it ("difference"). Only the phases that toppra judged
-        count.
+        relative difference of the plan from it ("difference"). Only the phases for which toppra
+        gave a duration count.
         """
         phases = [phase for phase in self.phases if phase.toppra_duration]
         if "toppra" not in self.software or not any(phase.solver for phase in phases):
