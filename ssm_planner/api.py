@@ -177,8 +177,8 @@ def size(
     plan : Plan, str or Path
         Plan, or its plan.json.
     motors : mapping, optional
-        Candidate motors by joint name, as motor files or Motor values. For other joints, only the
-        motors of the robot are checked.
+        Candidate motors by joint name, as motor files or Motor values. A joint without an entry is
+        assessed with its present motor.
     payload : float
         Point mass at the tip (kg).
     **conditions
