@@ -135,7 +135,7 @@ def check_export_content(
         Files and entries that follow from the motion.
     duration : float
         Duration of the motion that was read, s. It may exceed that of the plan by less than one
-        interpolation period, because a stream of setpoints has a whole number of periods.
+        interpolation period, because setpoints lie at multiples of this period.
     """
     entries = {key: manifest.get(key) for key in content.entries}
     fault = first_difference(entries, content.entries, MANIFEST)

@@ -1,9 +1,12 @@
 """Write and read streams of setpoints for maxon EPOS4 drives (CiA 402).
 
-A stream contains one row per interpolation period: positions (mode csp), velocities (csv) or
-torques (cst) for the cyclic synchronous modes of the drive. `export_epos4` writes one stream per
-driven joint, and the setup objects of the drives (`epos4_setup`). `read_epos4` reads streams of
-positions as a trajectory, so that the motion of the drives can be checked.
+A stream is a table of setpoints that a controller sends to one drive, with one row per
+interpolation period. A row contains a target position (mode csp), a target velocity (csv) or a
+target torque (cst), which are the cyclic synchronous modes of the drive. In the modes csp and csv,
+it also contains offsets: values of velocity and torque that the drive may use as feed-forward.
+`export_epos4` writes one stream per driven joint, and the setup objects of the drives
+(`epos4_setup`). `read_epos4` reads streams of positions as a trajectory, so that the motion of the
+drives can be checked.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -49,7 +52,7 @@ LARGEST_PERIOD_MS = 100
 """Largest interpolation period that object 0x60C2 of the drive accepts, ms."""
 
 Stream = Arrays
-"""Stream of one drive: integer values (n,) by name of the column."""
+"""Setpoints of one drive at n instants: integers (n,) by name of the column (`STREAM_COLUMNS`)."""
 
 
 def export_epos4(
@@ -61,8 +64,9 @@ def export_epos4(
     mode: str = "csp",
     counts_per_turn: CountsPerTurn = None,
 ) -> JsonObject:
-    """Write one stream per driven joint and objects.csv, and return the entries of the manifest.
+    """Write the setpoints of each driven joint and objects.csv, and return entries of the manifest.
 
+    The file of a joint contains its stream, that is, one row of setpoints per interpolation period.
     In mode csp, every driven joint also gets a file with the columns `time` and `position`, and the
     setpoints of a verified plan are checked as the drives will interpolate them.
 
@@ -300,9 +304,9 @@ def _check_acceptance(plan: Plan, points: Setpoints) -> None:
 
 
 def csp_streams(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, Stream]:
-    """Return the streams that an export in the mode csp contains.
+    """Return the setpoints of each driven joint in an export with the mode csp (positions).
 
-    The simulation of a controller plays these streams.
+    The simulation of a motor controller sends these setpoints to its model of the drives.
 
     Parameters
     ----------
@@ -316,7 +320,7 @@ def csp_streams(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, 
     Returns
     -------
     dict of Stream
-        Streams by joint.
+        Columns of setpoints (target position, velocity offset and torque offset) by joint.
     """
     t, stretch = setpoint_times(plan, period)
     return _integer_streams(axes, _sample_motors(plan, t, stretch), "csp")
@@ -397,7 +401,10 @@ def _sample_motors(plan: Plan, t: Array, stretch: float) -> Arrays:
 
 
 def _integer_streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, Stream]:
-    """Convert a motion to the integers of the streams.
+    """Convert a motion to the integer setpoints of the drives.
+
+    Positions become increments of the encoder, speeds 1e-3 rpm at the motor, and torques per mille
+    of the rated torque. All have the sign of the motor's direction of rotation.
 
     Parameters
     ----------
@@ -411,7 +418,7 @@ def _integer_streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dic
     Returns
     -------
     dict of Stream
-        Streams by joint.
+        Columns of setpoints by joint.
 
     Raises
     ------
@@ -496,8 +503,8 @@ STREAM_COLUMNS = {
 def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
     """Read the target positions of an export as a trajectory of straight lines.
 
-    The velocity and torque offsets are compared with the positions. Positions of joints without a
-    drive come from their reference files in rad or m.
+    The offsets of velocity and torque, which a drive may use as feed-forward, are compared with the
+    positions. Positions of joints without a drive come from their reference files in rad or m.
 
     Parameters
     ----------
@@ -547,8 +554,9 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
 def replace_end_rates(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> TaskLimits:
     """Replace the declared rates in limits by the rates of the rounded motion at both ends.
 
-    The rows of an export are rounded, so their first and last velocities differ slightly from those
-    that the problem declares. An end without a declared rate remains unchanged.
+    Rates are the velocities of the task coordinates roll, tilt, spin and depth. The rows of an
+    export are rounded, so their first and last velocities differ slightly from those that the
+    problem declares. An end without a declared rate remains unchanged.
 
     Parameters
     ----------
@@ -641,7 +649,7 @@ def read_joint_tables(
 
 
 def _joint_offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
-    """Convert the offsets of a stream to quantities of the joint.
+    """Convert the velocity and torque offsets of a drive's setpoints to quantities of the joint.
 
     Parameters
     ----------

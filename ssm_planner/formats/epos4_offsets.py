@@ -1,8 +1,10 @@
-"""Compare the velocity and torque offsets of EPOS4 streams with their target positions.
+"""Compare the velocity and torque offsets of EPOS4 setpoints with their target positions.
 
-A drive in the mode csp may use the offsets of a stream as feed-forward. Offsets that do not belong
-to the positions would then move the robot away from the checked motion. `offset_checks` therefore
-bounds them by the velocities and torques that the positions allow.
+Each setpoint of the mode csp consists of a target position, a velocity offset and a torque offset.
+The drive may use the two offsets as feed-forward. Offsets that do not belong to the positions would
+then move the robot away from the checked motion. `offset_checks` therefore bounds the offsets by
+the velocities and torques that the positions allow. A stream is the table of all setpoints of one
+drive.
 """
 
 from collections.abc import Iterator
@@ -34,7 +36,10 @@ Near rest, it is the whole limit at any period, because the motion itself may be
 
 @record
 class Offsets:
-    """Offsets of one joint at n setpoints, on the joint's side."""
+    """Velocity and torque offsets (feed-forward) of one joint at n setpoints.
+
+    Both have the sign of the joint's direction.
+    """
 
     velocity: Array
     """Velocity offset (n,), rad/s or m/s."""
@@ -51,10 +56,10 @@ def offset_checks(
 ) -> Iterator[LimitCheck]:
     """Yield checks that the velocity and torque offsets of the drives agree with the positions.
 
-    A velocity offset may differ from the slopes of the positions on both sides by the change that
-    the acceleration limit allows between two setpoints. A torque offset must follow from the motor
-    law with an acceleration that the positions have near the setpoint. It must also keep the torque
-    limit of the motor.
+    A velocity offset may differ from the mean velocities of the positions before and after its
+    setpoint by the change that the acceleration limit allows between two setpoints. A torque offset
+    must be a torque that the motor needs for an acceleration that the positions have near the
+    setpoint. It must also keep the torque limit of the motor.
 
     Parameters
     ----------
@@ -96,17 +101,24 @@ def offset_checks(
 
 
 def stream_velocities(t: Array, q: Array, offsets: dict[int, Offsets]) -> Array:
-    """Return the joint velocities (n, 4) of a stream, rad/s and m/s.
+    """Return the joint velocities at the setpoints of an export.
+
+    The velocity of a joint with velocity offsets is its offset. The velocity of any other joint is
+    the difference quotient of its positions.
 
     Parameters
     ----------
     t : (n,) array
-        Times, s.
+        Times of the setpoints, s.
     q : (n, 4) array
         Joint positions, rad and m.
     offsets : dict[int, Offsets]
-        Offsets by joint index. They contain the velocities of their joints. The velocities of other
-        joints are differences of the positions.
+        Velocity and torque offsets by index of the joint.
+
+    Returns
+    -------
+    (n, 4) array
+        Joint velocities, rad/s and m/s.
     """
     qd = np.gradient(q, t, axis=0)
     for i, offset in offsets.items():
@@ -119,8 +131,9 @@ def _velocity_check(
 ) -> LimitCheck:
     """Check that each velocity offset is possible next to the slopes of the positions.
 
-    The mean velocity over an interval of length h differs from the velocity at its ends by at most
-    q̈_max h / 2, apart from rounding.
+    The slope of the positions is the mean velocity over the interval between two setpoints. With
+    the length h of the interval and the acceleration limit q̈_max of the joint, it differs from the
+    velocity at the ends of the interval by at most q̈_max h / 2, apart from rounding.
 
     Parameters
     ----------

@@ -263,7 +263,9 @@ STREAM_OBJECTS = {
     "csv": (("0x60FF:00", "0x60B2:00"),),
     "cst": (("0x6071:00",),),
 }
-"""Objects of the stream, by mode. The objects of each inner tuple share one PDO of at most 64 bits.
+"""Objects that receive the setpoints in every period, by mode.
+
+The objects of each inner tuple share one process data object (PDO) of at most 64 bits.
 """
 FEEDBACK_OBJECTS = (("0x6041:00", "0x6061:00"), ("0x6064:00", "0x606C:00"), ("0x6077:00",))
 """Objects that the drive sends, by PDO.
@@ -280,7 +282,7 @@ STATUS_QUOTED = "quoted"
 STATUS_NOT_VERIFIED = "not verified"
 """Mark of an object in `UNCONFIRMED_OBJECTS`."""
 UNCONFIRMED_OBJECTS = {"0x60B1:00", "0x6080:00"}
-"""Objects whose meaning is known only from CiA 402.
+"""Objects whose meaning only the general standard CiA 402 states, not a source for this drive.
 
 Public code of other authors states number, meaning and unit of all other objects.
 """
@@ -300,10 +302,10 @@ UNTESTED_ASSUMPTIONS = (
 
 
 def pdo_mapping(mode: str) -> dict[str, list[JsonObject]]:
-    """Return the process data objects (PDOs) of a stream with their content and transmission types.
+    """Return the process data objects (PDOs) that transfer setpoints, commands and feedback.
 
-    Commands and status have separate PDOs, so that the drive can be switched on before the first
-    SYNC message.
+    A PDO is a CAN message with several objects. Commands and status have separate PDOs, so that the
+    drive can be switched on before the first SYNC message.
 
     Parameters
     ----------
@@ -378,7 +380,7 @@ def homing_objects(axis: Axis, start: float) -> JsonObject:
     axis : Axis
         Axis of the joint.
     start : float
-        First setpoint of the stream, in increments. The robot stands there during homing.
+        First target position of the joint, in increments. The robot stands there during homing.
 
     Returns
     -------
@@ -436,8 +438,9 @@ def rounding_bounds(axis: Axis, period: int) -> dict[str, float]:
 def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     """Return the table of the setup objects for one axis.
 
-    The largest velocity in the drive exceeds that of the joint by the effect of rounding on the
-    stream (`rounding_bounds`), so that the drive does not cut off a permitted motion.
+    The largest velocity in the drive exceeds that of the joint by the effect of rounding the
+    positions to increments (`rounding_bounds`), so that the drive does not cut off a permitted
+    motion.
 
     Parameters
     ----------
@@ -451,7 +454,9 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     Returns
     -------
     list of dict
-        Rows with the columns joint, object, name, value, unit, reason and known.
+        Rows with the columns joint, object, name, value, unit, reason and known. The column known
+        states whether a source for the drive confirms the object: `STATUS_QUOTED` or
+        `STATUS_NOT_VERIFIED`.
 
     Raises
     ------

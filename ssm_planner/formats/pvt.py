@@ -5,10 +5,11 @@ milliseconds, and positions are whole increments. Therefore, the rows cannot lie
 acceleration jumps of the plan or exactly on the plan. Cubics through rounded samples of the plan
 would exceed its limits.
 
-For this reason, a linear program fits the rows of each joint (`_RowFit`). It finds the rows nearest
-to a slightly slower plan for which the cubics stay within the accelerations, velocities and
-positions that the plan has nearby. `export_pvt` then checks the motion that the drives will
-execute. `read_pvt` reads exported tables again.
+For this reason, a linear program determines the positions and velocities in the table of each joint
+(class `_RowFit`, which states the program). It finds the rows nearest to a slightly slower plan for
+which the cubics stay within the accelerations, velocities and positions that the plan has nearby.
+`export_pvt` then checks the motion that the drives will execute. `read_pvt` reads exported tables
+again.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -330,7 +331,7 @@ def _feasible_table(plan: Plan, certificate: Certificate, axes: dict[str, Axis])
 def _candidate_tables(
     plan: Plan, axes: dict[str, Axis], stretches: Collection[float]
 ) -> Iterator[PvtTable]:
-    """Yield tables with different durations and times between rows.
+    """Yield tables with different durations and times between rows, in the order of trial.
 
     Parameters
     ----------
@@ -372,7 +373,7 @@ def _candidate_tables(
 
 
 def _plan_samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:
-    """Return the positions and velocities of one joint in a plan that is slowed down.
+    """Return the positions and velocities of one joint at some instants of the slowed-down plan.
 
     Parameters
     ----------
@@ -395,22 +396,34 @@ def _plan_samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, 
 
 
 class _RowFit:
-    """Linear program for the rows of one joint.
+    """Linear program that determines the positions and velocities in the table of one joint.
 
-    Positions are in increments. Velocities are in increments per τ, the mean time between rows. The
-    unknowns are the deviations d of the n positions and w of the n velocities from the plan, their
-    bounds e ≥ |d|, and an excess ε ≥ 0. The program minimises Σ e + EXCESS_COST · ε subject to
-    these conditions on every interval:
+    The table has n rows with a position p and a velocity v each. Positions are in increments of the
+    encoder, and velocities in increments per τ, the mean time between rows. The unknowns are the
+    deviations d of the n positions and w of the n velocities from the plan, bounds e of |d|, and an
+    excess ε. The linear program is
 
-        low ≤ acceleration at its start and end ≤ high        (it is linear in between)
-        low ≤ Bernstein coefficients of velocity and position ≤ high
+        minimise    Σ e + EXCESS_COST · ε
+        subject to  −e ≤ d ≤ e,  ε ≥ 0
 
-    The bounds low and high are the extremes of the plan on this interval and on its two neighbours.
-    Accelerations may exceed their bounds by ε times the acceleration limit.
+    and on each interval between two rows
+
+        a_low − ε·a_max ≤ accelerations at both ends ≤ a_high + ε·a_max
+        v_low ≤ middle Bernstein coefficient of the velocity ≤ v_high
+        p_low ≤ inner Bernstein coefficients of the position ≤ p_high
+
+    The acceleration of a cubic is linear in time, so its values at both ends bound it. All
+    conditions are linear in d and w: with the interval's length h (in τ) and the rows 0 and 1 at
+    its ends, the accelerations are 6 (p₁ − p₀)/h² − (4 v₀ + 2 v₁)/h and
+    −6 (p₁ − p₀)/h² + (2 v₀ + 4 v₁)/h. The velocity coefficient is 3 (p₁ − p₀)/h − v₀ − v₁. The
+    position coefficients are p₀ + h v₀/3 and p₁ − h v₁/3. The bounds a_low to p_high are the
+    extremes of the plan on the interval and on its two neighbours. a_max is the acceleration limit
+    of the joint. d is fixed at the ends of the motion and, in a second step, for rounded positions.
+    w is 0 at the ends of the motion.
     """
 
     def __init__(self, plan: Plan, i: int, t: Array, stretch: float, unit: float) -> None:
-        """Build the program.
+        """Compute the coefficients and bounds of the linear program that the class states.
 
         Parameters
         ----------
@@ -423,7 +436,7 @@ class _RowFit:
         stretch : float
             Factor on the duration of the plan.
         unit : float
-            Increments per rad or m.
+            Increments of the encoder per rad or m of the joint.
         """
         joint = plan.robot.joints[i]
         motion = plan.motion
@@ -473,9 +486,11 @@ class _RowFit:
 
         Parameters
         ----------
-        values : (k, instants) array
-            Values of k variants of the quantity at the instants of the plan between the rows. The
-            extremes are taken over all variants.
+        values : (k, m) array
+            Values of the quantity at m instants of the plan (`_sample_times`). Each of the k lines
+            of the array belongs to another motion or side: at a jump, the values on both sides
+            count. For accelerations, the plan and the slower plan count. The extremes are taken
+            over all lines.
 
         Returns
         -------
@@ -491,17 +506,18 @@ class _RowFit:
         return lowest, highest
 
     def rows(self, round_to_units: bool) -> tuple[Array, Array]:
-        """Return the rows of the table for one joint, fitted so that the drive keeps all limits.
+        """Return the positions and velocities of the joint at all rows of its table.
 
-        The drive interpolates the rows by cubic polynomials. A linear program moves positions and
-        velocities of the rows as little as possible so that these polynomials stay within the
-        bounds of velocity and acceleration.
+        The drive interpolates the rows by cubic polynomials. The linear program of the class moves
+        the positions as little as possible from the plan so that these polynomials stay within
+        the accelerations, velocities and positions that the plan has nearby.
 
         Parameters
         ----------
         round_to_units : bool
-            True to round the results to integers. The method then first rounds the positions, and
-            fits the velocities again with fixed positions.
+            True to round the results to integers. The method then solves the program twice: the
+            positions of the first solution are rounded, and the second solution determines the
+            velocities for these fixed positions.
 
         Returns
         -------
@@ -519,19 +535,23 @@ class _RowFit:
         return position, np.round((self.velocities + w) * self.rate)
 
     def _solve(self, d: Array, free: Array) -> tuple[Array, Array]:
-        """Solve the linear program for some fixed positions.
+        """Solve the linear program that the class states, for given values of some positions.
 
         Parameters
         ----------
         d : (n,) array
-            Deviations of fixed positions from the plan, in increments. Other entries are ignored.
+            Deviations of the fixed positions from the plan, in increments. Entries for positions
+            that are not fixed are ignored.
         free : (n,) array
             0 for a fixed position, and 1 for a position whose deviation is unknown.
 
         Returns
         -------
-        d, w : (n,) arrays
-            Deviations of positions and velocities. They are 0 if the program is infeasible.
+        d : (n,) array
+            Deviations of the positions from the plan, increments.
+        w : (n,) array
+            Deviations of the velocities from the plan, increments per mean time between rows. Both
+            arrays are 0 if the program has no solution.
         """
         from scipy import sparse
         from scipy.optimize import Bounds, LinearConstraint, milp

@@ -144,6 +144,11 @@ def default_bandwidth(period: float, lag: float) -> float:
         Sampling period of the position loop, s.
     lag : float
         Time constant of the current loop, s.
+
+    Returns
+    -------
+    float
+        Bandwidth, Hz.
     """
     low = 1e-3 / period
     high = 1.0 / period
@@ -193,8 +198,22 @@ def loop_gains(joint: Joint, controller: Controller, electrics: MotorElectrics) 
 
     With the torque constant k, the input inertia J, the viscous friction b_v and ω = 2π ·
     bandwidth, the default gains are P = J·ω²/k, D = 2·0.7·J·ω/k and I = 0.1·ω·P. If the controller
-    receives no torque offsets, FF_v = b_v/k and FF_a = J/k. Otherwise both are 0, because the
-    offsets contain these torques.
+    receives no torque offsets with its set points, FF_v = b_v/k and FF_a = J/k. Otherwise both
+    feed-forward gains are 0, because the torque offsets contain these torques.
+
+    Parameters
+    ----------
+    joint : Joint
+        Joint with a drive.
+    controller : Controller
+        The motor controller. Gains that its file states replace the default gains.
+    electrics : MotorElectrics
+        Electrical data of the motor, with the torque constant k.
+
+    Returns
+    -------
+    LoopGains
+        Gains of the position loop.
 
     Raises
     ------

@@ -1,6 +1,7 @@
-"""Simulate one playback many times at once, with random friction from the drive files.
+"""Simulate the same motion many times at once, each time with other friction drawn at random.
 
-`simulate` calls `draw_frictions` and `play_draws` if the scenario requests draws.
+One drawn set of friction parameters of all drives is called a draw. Its distribution comes from the
+drive files. `simulate` calls `draw_frictions` and `play_draws` if the scenario requests draws.
 """
 
 import numpy as np
@@ -44,17 +45,20 @@ class Draws:
     """
 
     friction: Array
-    """Friction parameters (n, 28) in the layout of `ArmPlant.friction_parameters`."""
+    """Friction parameters (n, 28): seven for each of the four joints, one row for each playback.
+
+    `ArmPlant.friction_parameters` states their order.
+    """
     tip_error: Array
     """Largest tip errors (n,), m."""
     peak_torque: Array
     """Largest motor torques (n, 4), N·m. 0 for joints without a drive."""
     following_error: Array
-    """Largest following errors (n, 4), rad at the motor."""
+    """Largest following errors (demanded minus measured motor angle), (n, 4), rad."""
     saturated: Mask
-    """Mask (n, 4) of motors that demanded too much current."""
+    """True for each motor that demanded more current than it can receive, (n, 4)."""
     tripped: Mask
-    """Mask (n, 4) of drives whose following error left its window."""
+    """True for each drive whose following error exceeded its limit, (n, 4)."""
     tip_limit: float
     """Largest permitted tip error, m."""
 
@@ -89,9 +93,9 @@ def draw_frictions(
 ) -> tuple[Array, tuple[str, ...]]:
     """Draw random friction parameters for every joint.
 
-    The parameters follow the distribution in each drive file, which is a posterior or a covariance.
-    Parameters with a range have a uniform distribution. The seed is fixed, so every call returns
-    the same numbers.
+    The parameters follow the distribution that the drive file states: the samples of a posterior
+    or a covariance. Parameters with a range have a uniform distribution. The seed is fixed, so
+    every call returns the same numbers.
 
     Parameters
     ----------
@@ -105,8 +109,9 @@ def draw_frictions(
 
     Returns
     -------
-    frictions : (count, 28)
-        Parameters in the layout of `ArmPlant.friction_parameters`.
+    frictions : (count, 28) array
+        Friction parameters, one row for each draw: the seven parameters `FRICTION_PARAMETERS` of
+        joint 1, then those of joint 2, and so on. Joints without a drive have zeros.
     notes : tuple of str
         Remarks on drive files that omit the uncertainty.
 
@@ -154,21 +159,23 @@ def play_draws(
     tip_limit: float,
     progress: Progress = silent,
 ) -> Draws:
-    """Play the same commands from the same state with many sets of friction parameters.
+    """Simulate the arm for the same commands and initial state with n sets of friction parameters.
+
+    All playbacks advance together, one period of the position loop at a time.
 
     Parameters
     ----------
     arm : ControlledArm
         The simulated arm.
-    start : (44,)
-        Initial state.
+    start : (44,) array
+        Initial state of the arm and its controllers, from `ControlledArm.initial_state`.
     commands : Commands
-        Commands in m periods.
-    offsets : (4,)
-        Offsets of the encoders, see `ControlledArm.encoder_offsets`, rad.
-    friction : (n, 28)
-        Friction parameters, one row for each playback.
-    planned : (m, 4)
+        Commands in m periods of the position loop.
+    offsets : (4,) array
+        Motor angles at which the encoders measure 0, see `ControlledArm.encoder_offsets`, rad.
+    friction : (n, 28) array
+        Friction parameters, one row for each playback, from `draw_frictions`.
+    planned : (m, 4) array
         Planned joint positions, rad and m.
     tip_limit : float
         Largest permitted tip error, m.

@@ -96,11 +96,13 @@ FRICTION_PARAMETERS = ("mu", "mu_static", "mu_stribeck", "b_c", "b_v", "b_oc", "
 """Names of the friction parameters that are inputs of the step function."""
 
 Q, QD, MOTOR, W, INTEGRAL, REST, ENERGY = (slice(4 * k, 4 * k + 4) for k in range(7))
-"""Slices of a state (28,) of the arm. Each has four entries.
+"""Slices of the state of the arm, an array of 28 numbers. Each slice has four entries.
 
-They contain joint positions, joint velocities, motor angles, motor speeds, integral terms of the
-controllers, times since the drives stopped, and energies. The four energies are the work of the
-motors, the work of prescribed accelerations, and the losses in the friction and in the dampers.
+The first six slices have one entry for each joint: joint positions (rad, m), joint velocities
+(rad/s, m/s), motor angles (rad), motor speeds (rad/s), integral terms of the controllers (A), and
+times since the drives stopped (s). The last slice contains energies (J) since the start: the work
+of the motors, the work of prescribed accelerations, and the losses in the friction and in the
+dampers.
 """
 STATE_SIZE = 28
 """Number of entries of a state of the arm."""
@@ -159,22 +161,37 @@ class ArmPlant:
         self.driven = tuple(k for k, joint in enumerate(robot.joints) if joint.drive is not None)
 
     def state_at_rest(self, q: Array) -> Array:
-        """Return the state (28,) of the arm at rest at joint positions q (4,), rad and m.
+        """Return the state of the arm at rest at given joint positions.
 
         The springs are deflected such that they carry the weight.
+
+        Parameters
+        ----------
+        q : (4,) array
+            Joint positions, rad and m.
+
+        Returns
+        -------
+        (28,) array
+            State with the slices `Q` to `ENERGY`.
         """
         return self.state_in_motion(q, np.zeros(4), np.zeros(4))
 
     def state_in_motion(self, q: Array, qd: Array, qdd: Array) -> Array:
-        """Return the state (28,) of an arm that already moves.
+        """Return the state of an arm that already moves.
 
-        The springs are deflected such that they transmit the efforts of the motion: each motor is
-        ahead of its joint by effort / stiffness plus half the backlash.
+        The springs are deflected such that they transmit the efforts of the motion: the output of
+        each drive is ahead of its joint by effort / stiffness plus half the backlash.
 
         Parameters
         ----------
-        q, qd, qdd : (4,)
+        q, qd, qdd : (4,) arrays
             Joint positions, velocities and accelerations, in rad and m.
+
+        Returns
+        -------
+        (28,) array
+            State with the slices `Q` to `ENERGY`.
         """
         effort = self.body.inverse_dynamics(q[None], qd[None], qdd[None])[0]
         state = np.zeros(STATE_SIZE)
@@ -200,10 +217,10 @@ class ArmPlant:
         Returns
         -------
         casadi.Function
-            It returns the state (28,) after the step, for these arguments:
+            It returns the state after the step (28,), for these arguments:
 
             x : (28,)
-                State before the step.
+                State before the step, with the slices `Q` to `ENERGY`.
             tau : (4,)
                 Motor torques, N·m.
             locked : (4,)
@@ -251,7 +268,7 @@ class ArmPlant:
         return ca.Function("step", list(inputs), [state_after], {"cse": True})
 
     def _energies(self, tau: ca.SX, effort: ca.SX, forces: _Forces, mean_qd: ca.SX) -> ca.SX:
-        """Return the four energies of a step in the order of ENERGY, (4,), J.
+        """Return the energies that a step adds to the slice `ENERGY` of the state.
 
         Parameters
         ----------
@@ -262,7 +279,13 @@ class ArmPlant:
         forces : _Forces
             Efforts and motion of the drives in the step.
         mean_qd : (4,)
-            Mean joint velocities in the step.
+            Mean joint velocities in the step, rad/s and m/s.
+
+        Returns
+        -------
+        (4,) expression
+            Work of the motors, work of prescribed accelerations, loss in the friction, and loss in
+            the dampers, J.
         """
         motor_power = ca.dot(tau, forces.mean)
         prescribed_power = ca.SX(0)
@@ -286,9 +309,15 @@ class ArmPlant:
         inputs : tuple
             Arguments of the function that `step_function` builds.
         q, motor : (4,)
-            Joint positions and motor angles in the middle of the step.
+            Joint positions (rad, m) and motor angles (rad) in the middle of the step.
         qd, w : (4,)
-            Joint velocities and motor speeds in the middle of the step.
+            Joint velocities (rad/s, m/s) and motor speeds (rad/s) in the middle of the step.
+
+        Returns
+        -------
+        _Forces
+            Efforts of springs and dampers, motor speeds after and within the step, times at rest,
+            and the loss in the friction.
         """
         x, tau, _, blocked, friction = inputs
         load = ca.SX.zeros(4)
@@ -317,12 +346,18 @@ class ArmPlant:
         return _Forces(load, damper, speed, mean, rest_time=rest_time, loss=loss)
 
     def _mean_deflection(self, k: int, start: ca.SX, middle: ca.SX) -> tuple[ca.SX, ca.SX | float]:
-        """Return the mean deflection of a spring over a step, and its share of contact.
+        """Return the mean deflection of a spring over a step, and the fraction of contact.
 
-        The twist is the position of the drive's output minus that of the joint. It is linear in
-        time, so contact begins and ends at the exact position. The mean force times the change of
-        the twist equals the change of the spring's energy, which makes this a discrete gradient (O.
-        Gonzalez, Time Integration and Discrete Hamiltonian Systems, J. Nonlinear Sci. 6, 1996).
+        The spring deflects only while the flanks of drive and joint are in contact, that is, while
+        the twist exceeds half the backlash. The twist is the position of the drive's output minus
+        that of the joint. It is linear in time within the step. With the twist θ and the deflection
+        δ(θ) at the start (0) and at the end (1) of the step, the fraction of contact is
+
+            c = (δ(θ₁) − δ(θ₀)) / (θ₁ − θ₀)
+
+        and the mean deflection is c · (δ(θ₀) + δ(θ₁)) / 2. The mean force times the change of the
+        twist then equals the change of the spring's energy, which makes this a discrete gradient
+        (O. Gonzalez, Time Integration and Discrete Hamiltonian Systems, J. Nonlinear Sci. 6, 1996).
 
         Parameters
         ----------
@@ -330,6 +365,13 @@ class ArmPlant:
             Index of the joint, from 0.
         start, middle : expression
             Twist at the start and in the middle of the step, rad or m.
+
+        Returns
+        -------
+        deflection : expression
+            Mean deflection, rad or m. Without backlash, it is the twist in the middle of the step.
+        contact : expression or float
+            Fraction of contact, from 0 to 1. Without backlash, it is 1.
         """
         if not self.compliance.backlash[k] > 0:
             return middle, 1.0
@@ -342,10 +384,18 @@ class ArmPlant:
         return contact * (stretch_start + stretch_end) / 2, contact
 
     def friction_parameters(self, scale: float = 1.0) -> Array:
-        """Return the friction parameters of all joints, (28,), as the step function expects them.
+        """Return the friction parameters of all joints in the order that the step function expects.
 
-        They are the seven parameters `FRICTION_PARAMETERS` of joint 1, then those of joint 2, and
-        so on. Joints without a drive have zeros. `scale` multiplies all parameters.
+        Parameters
+        ----------
+        scale : float
+            Factor on all parameters.
+
+        Returns
+        -------
+        (28,) array
+            The seven parameters `FRICTION_PARAMETERS` of joint 1, then those of joint 2, and so on.
+            Joints without a drive have zeros.
         """
         values = np.zeros((4, len(FRICTION_PARAMETERS)))
         for k in self.driven:
@@ -374,8 +424,10 @@ class ArmPlant:
     def accelerations(self, q: ca.SX, qd: ca.SX, force: ca.SX, locked: ca.SX) -> ca.SX:
         """Compute the joint accelerations from the efforts of the springs and dampers, in CasADi.
 
-        The equations of motion determine the accelerations of the joints with a drive. The
-        accelerations of the other joints are prescribed.
+        The accelerations q̈_p of joints without a drive are prescribed. Those of the joints with a
+        drive, q̈_d, follow from the equations of motion M_dd · q̈_d + b = force. M_dd contains the
+        rows and columns of the mass matrix for the joints with a drive. The efforts b are those of
+        the motion with q̈_d = 0 and the prescribed q̈_p. They contain the weight.
 
         Parameters
         ----------

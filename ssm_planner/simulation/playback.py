@@ -45,13 +45,16 @@ ASSUMED_BACKLASH = (np.radians(0.1), np.radians(0.1), np.radians(0.1), 2e-5)
 CURRENT, DERIVATIVE, ERROR, TRIP = (
     slice(STATE_SIZE + 4 * k, STATE_SIZE + 4 * k + 4) for k in range(4)
 )
-"""Slices of the last 16 entries of a state (44,), which belong to the controllers.
+"""Slices of the state of an arm with its controllers, an array of 44 numbers.
 
-They contain the motor currents in A, the derivative terms in A, the following errors in rad, and 1
-for a drive that has switched off because of its following error (otherwise 0).
+The first 28 numbers are the state of the arm (`plant.Q` to `plant.ENERGY`). The last 16 numbers
+belong to the controllers. These slices of four numbers contain, for each joint, the motor current
+in A, the derivative term of the position loop in A, the following error in rad, and 1 for a drive
+that has switched off because its following error was too large (otherwise 0). The following error
+is the demanded minus the measured motor angle.
 """
 CONTROLLED_STATE_SIZE = STATE_SIZE + 16
-"""Length of a state of the arm with its controllers."""
+"""Length of a state of the arm with its controllers, 44."""
 _PERIODS_PER_CHUNK = 250
 """Number of periods in a chunk, which one call of a CasADi function simulates."""
 _MAX_BREAKAWAY_PERIODS = 100
@@ -60,9 +63,11 @@ _MAX_BREAKAWAY_PERIODS = 100
 
 @record
 class Commands:
-    """Commands to the drives in each of n periods of the position loop.
+    """Commands to the drives in each of n periods of the position loop, and the disturbances.
 
-    Arrays are (n, 4) unless stated otherwise, in SI units, with the signs of the joints.
+    Arrays are (n, 4) with one column for each joint, unless stated otherwise. Values are in SI
+    units and have the signs of the joints. A velocity or torque offset is a value that the
+    controller receives with each set point. It determines the feed-forward current.
     """
 
     demand: Array
@@ -81,9 +86,10 @@ class Commands:
     """1 while the drives have power, otherwise 0, (n,)."""
 
     def table(self) -> Array:
-        """Return all commands side by side, one row for each period, (n, 25).
+        """Return all commands side by side as an (n, 25) array, one row for each period.
 
-        The row consists of the fields of this class in their order.
+        A row consists of the fields of this class in their order: four numbers for each of the six
+        fields from `demand` to `stalled`, and one number for `power`.
         """
         return np.column_stack(list(vars(self).values()))
 
@@ -93,9 +99,12 @@ class Playback:
     """Simulated states and following errors in n periods of the position loop."""
 
     states: Array
-    """States (n + 1, 44) before the first period and after every period."""
+    """States of the arm and its controllers before the first period and after every period.
+
+    The array is (n + 1, 44). `Q` to `ENERGY` and `CURRENT` to `TRIP` are slices of its rows.
+    """
     error: Array
-    """Following errors (n, 4), rad at the motor."""
+    """Following errors (demanded minus measured motor angle), (n, 4), rad."""
     saturated: Array
     """1 if the demanded current exceeded the possible current, otherwise 0, (n, 4)."""
 
@@ -109,20 +118,23 @@ def commands_from_setpoints(
 ) -> Commands:
     """Convert the set points of a plan to the commands in each period of the position loop.
 
-    The controller interpolates positions between set points (object 0x60C2). Velocity and torque
-    offsets are constant between set points. The interpolation delays all drives by the same time,
-    which the simulation ignores.
+    A set point consists of a target position, a velocity offset and a torque offset. The offsets
+    determine the feed-forward current. The controller interpolates positions between set points
+    (object 0x60C2). Velocity and torque offsets are constant between set points. The interpolation
+    delays all drives by the same time, which the simulation ignores.
 
     Parameters
     ----------
     streams : dict
-        Set points by joint, in units of the controller.
+        Sequence of set points of each driven joint, as columns of integers in units of the
+        controller: increments, 1e-3 rpm, and per mille of the rated torque.
     axes : dict
         Axis settings by joint.
     controller : Controller
         The motor controller.
-    prescribed : ((n,), (n, 4))
-        Instants of the position loop in s, and accelerations of joints without a drive.
+    prescribed : pair of (n,) and (n, 4) arrays
+        Instants of the position loop in s, and accelerations of joints without a drive in rad/s²
+        or m/s².
     period : float
         Interval between set points, s.
 
@@ -155,11 +167,25 @@ def commands_from_setpoints(
 
 
 def robot_compliance(robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
-    """Build the springs, dampers and backlash between the drives and the joints.
+    """Compute stiffness, damping and backlash between the drives and the joints.
 
-    Values that neither the controller file nor the robot file states are assumed, see
-    `JOINT_FREQUENCIES`, `ASSUMED_BACKLASH` and `DAMPING_RATIO`. `scale` multiplies stiffness and
-    damping.
+    Values of the controller file have priority over those of the robot file. Values that neither
+    file states are assumed, see `JOINT_FREQUENCIES`, `ASSUMED_BACKLASH` and `DAMPING_RATIO`. The
+    known backlash of each gear stage adds to the backlash of the robot file or the assumed one.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with its joints.
+    controller : Controller
+        The motor controller, whose file may contain data of the compliance.
+    scale : float
+        Factor on stiffness and damping.
+
+    Returns
+    -------
+    Compliance
+        Stiffness, damping and backlash of the four joints.
     """
     frequency = list(JOINT_FREQUENCIES)
     backlash = list(ASSUMED_BACKLASH)
@@ -230,18 +256,24 @@ class ControlledArm(ArmPlant):
         self._chunk = self.control_step.mapaccum("arm", _PERIODS_PER_CHUNK)
 
     def initial_state(self, q: Array, qd: Array, qdd: Array, command: Commands) -> Array:
-        """Return the state (44,) of an arm that already follows a motion.
+        """Return the state of the arm and its controllers at the start of a motion.
 
-        The motors are at the angles that the encoders expect, and the loads deflect the joints. The
-        currents overcome the load and the friction. The integral terms of the position loops
-        provide the part of the current that the feed-forward of the first command does not contain.
+        The arm may already move. The motors are at the angles that the encoders expect, and the
+        loads deflect the joints. The currents of moving motors overcome the load and the friction.
+        The integral terms of the position loops provide the part of the current that the
+        feed-forward of the first command does not contain.
 
         Parameters
         ----------
-        q, qd, qdd : (4,)
+        q, qd, qdd : (4,) arrays
             Joint positions, velocities and accelerations at the start, in rad and m.
         command : Commands
             Commands of the motion.
+
+        Returns
+        -------
+        (44,) array
+            State of the arm (28 numbers) and of its controllers (16 numbers), see `CURRENT`.
         """
         state = np.concatenate(
             [self.state_in_motion(q, qd, qdd), np.zeros(CONTROLLED_STATE_SIZE - STATE_SIZE)]
@@ -269,10 +301,11 @@ class ControlledArm(ArmPlant):
         return [getattr(self.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
 
     def encoder_offsets(self, q: Array) -> Array:
-        """Compute the offsets of the encoders.
+        """Compute the motor angles at which the encoders measure 0.
 
         The encoders were set to ratio · q while the arm rested at joint positions q, although the
-        weight deflected the joints. The offset is the motor angle minus this value.
+        weight deflected the joints. The offset of an encoder is the motor angle minus the angle
+        that the encoder measures.
 
         Parameters
         ----------
@@ -282,7 +315,7 @@ class ControlledArm(ArmPlant):
         Returns
         -------
         (4,) array
-            Offsets, rad. 0 for a joint without a drive.
+            Offsets of the encoders, rad. 0 for a joint without a drive.
         """
         state = self.state_at_rest(q)
         offsets = np.zeros(4)
@@ -293,20 +326,21 @@ class ControlledArm(ArmPlant):
     def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Playback:
         """Simulate the arm while its controllers execute commands.
 
-        The periods are simulated in chunks of equal length. If the integration of one period of a
-        chunk needs half the usual time step (see `half_step_periods`), all periods of the chunk are
-        integrated with half the time step.
+        The periods of the position loop are simulated in chunks of equal length. If one period of a
+        chunk needs half the usual time step of the integrator (see `half_step_periods`), all
+        periods of the chunk are integrated with half the time step.
 
         Parameters
         ----------
-        state : (44,)
-            Initial state.
+        state : (44,) array
+            Initial state of the arm and its controllers, from `initial_state` or from
+            `Playback.states`.
         command : Commands
             Commands in n periods.
-        offsets : (4,)
-            Offsets of the encoders, see the method `offsets`, rad.
-        friction : (28,)
-            Friction parameters in the layout of `ArmPlant.friction_parameters`.
+        offsets : (4,) array
+            Motor angles at which the encoders measure 0, see `encoder_offsets`, rad.
+        friction : (28,) array
+            Friction parameters of all joints, see `ArmPlant.friction_parameters`.
 
         Returns
         -------
@@ -333,19 +367,22 @@ class ControlledArm(ArmPlant):
         return Playback(np.vstack(states), np.vstack(errors), np.vstack(saturated))
 
     def half_step_periods(self, command: Commands) -> Mask:
-        """Return a mask of the periods that must be simulated with half steps of the plant.
+        """Return the periods in which the integrator must use half its usual time step.
 
-        The error of full steps is largest while a drive breaks away, that is, while static friction
-        is being overcome. The mask selects every chunk of periods in which this may happen.
+        The integration error is largest while a drive breaks away, that is, while static friction
+        is being overcome. The result is True for all periods of every chunk in which a drive may
+        break away. A drive may break away during `_MAX_BREAKAWAY_PERIODS` periods after the first
+        command to move.
 
         Parameters
         ----------
         command : Commands
-            Commands in n periods.
+            Commands in n periods of the position loop.
 
         Returns
         -------
         (n,) array of bool
+            True for a period that needs half the time step.
         """
         moving = command.speed != 0
         was_moving = np.vstack([np.zeros((1, 4), dtype=bool), moving[:-1]])
@@ -369,7 +406,7 @@ class ControlledArm(ArmPlant):
 
     @cached_property
     def _chunk_in_halves(self) -> ca.Function:
-        """CasADi function that simulates a chunk of periods with half steps."""
+        """CasADi function that simulates a chunk of periods with half the usual time step."""
         return self.control_step_in_halves.mapaccum("halves", _PERIODS_PER_CHUNK)
 
     def _period_function(self) -> ca.Function:
@@ -378,10 +415,11 @@ class ControlledArm(ArmPlant):
         Returns
         -------
         casadi.Function
-            It has the arguments x (44,), which is the state, and u (57,), which consists of a row
-            of `Commands.table`, the offsets of the encoders and the friction parameters. It returns
-            the next state (44,), the following errors (4,) in rad, and 1 for each motor (4,) whose
-            current is limited, otherwise 0.
+            It has two arguments. x (44,) is the state of the arm and its controllers (see
+            `CURRENT`). u (57,) is the input of the period: a row of `Commands.table` (25), the
+            offsets of the encoders in rad (4), and the friction parameters (28). The function
+            returns the next state (44,), the following errors (4,) in rad, and for each motor (4,)
+            1 if its current is limited, otherwise 0.
         """
         x = ca.SX.sym("x", CONTROLLED_STATE_SIZE)
         u = ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION_PARAMETERS))
@@ -409,10 +447,10 @@ class ControlledArm(ArmPlant):
         ----------
         k : int
             Index of a joint with a drive.
-        x : (44,)
-            State before the period.
-        u : (57,)
-            Input of the period, see `_period_function`.
+        x : (44,) expression
+            State of the arm and its controllers before the period, see `CURRENT`.
+        u : (57,) expression
+            Commands, encoder offsets and friction parameters, see `_period_function`.
         power : expression
             1 while the drives have power, otherwise 0.
 

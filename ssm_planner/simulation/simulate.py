@@ -1,8 +1,8 @@
 """Simulate how the arm executes a plan, with the controllers of its drives and disturbances.
 
-`simulate` is the main entry. It plays the set points of the export on a model of the arm
-(`playback`), simulates losses of power, and judges the result. A `Scenario` describes the
-disturbances.
+`simulate` is the main entry. It sends the set points that an export contains to simulated motor
+controllers, which move a model of the arm (`playback`). This simulation is called a playback. It
+then simulates losses of power, and judges the result. A `Scenario` describes the disturbances.
 """
 
 from __future__ import annotations
@@ -108,7 +108,10 @@ class Scenario:
     compliance: float = 1.0
     """Factor on the stiffness and the damping between motor and joint."""
     draws: int = 0
-    """Number of additional playbacks with random friction from the data of the drive files."""
+    """Number of additional playbacks, each with friction that is drawn at random.
+
+    The distribution of the friction parameters comes from the drive files.
+    """
     spread: float | None = None
     """Relative range of friction parameters whose uncertainty the drive file omits.
 
@@ -235,7 +238,7 @@ class MotorUse:
     tripped: bool
     """True if the following error exceeded `window`, so that the drives switched off."""
     following_error: float
-    """Largest following error, increments."""
+    """Largest following error (demanded minus measured motor angle), increments of the encoder."""
     window: int
     """Largest permitted following error, increments."""
     placeholder: bool
@@ -309,7 +312,7 @@ class SimulationResult:
     tip: Array
     """Distance of the tip from its planned position, (n,), m."""
     following: Array
-    """Following errors, rad at the motor."""
+    """Following errors (demanded minus measured motor angle), rad."""
     powered: Array
     """True while the drives have power, (n,). Lost power does not return."""
     tracking: tuple[Tracking, ...]
@@ -444,7 +447,17 @@ class _Simulation:
     """
 
     def __init__(self, plan: Plan, scenario: Scenario, controller: Controller) -> None:
-        """Compute the set points of the plan and the commands of the scenario."""
+        """Compute the set points of the plan and the commands of the scenario.
+
+        Parameters
+        ----------
+        plan : Plan
+            Plan that is played, already slowed to the speed of the scenario.
+        scenario : Scenario
+            Conditions and disturbances.
+        controller : Controller
+            The motor controller, already with the supply voltage of the scenario.
+        """
         self.plan = plan
         self.scenario = scenario
         self.controller = controller
@@ -486,10 +499,16 @@ class _Simulation:
         return self.arms[payload]
 
     def play(self) -> Playback:
-        """Simulate the complete motion.
+        """Simulate the complete motion of the plan.
 
-        If the scenario has a time of the payload, an arm without a payload moves until then, and an
-        arm with the payload continues from its state.
+        If the arm picks up the payload during the motion (`Scenario.payload_time`), an arm without
+        a payload moves until then. An arm with the payload continues from the state that the first
+        arm has reached.
+
+        Returns
+        -------
+        Playback
+            States, following errors and saturation in all periods of the position loop.
         """
         scenario = self.scenario
         arm = self.arm(0.0 if scenario.payload_time > 0 else scenario.payload)
@@ -552,10 +571,10 @@ class _Simulation:
 
         Parameters
         ----------
-        state : (44,)
-            State at the loss of power.
+        state : (44,) array
+            State of the arm and its controllers at the loss of power, see `playback.CURRENT`.
         unpowered : Commands
-            Commands without power.
+            Commands without power in the periods of the position loop after the loss.
         instant : float
             Instant of the loss in the motion, s. It determines whether the arm carries the payload.
 
@@ -585,19 +604,28 @@ class _Simulation:
         return travel, float(self.period * periods) if stopped else np.inf
 
     def _is_at_rest(self, states: Array) -> Array:
-        """Return a mask (n,) of the states (n, 44) in which all motors and joints are at rest.
+        """Return True for each state in which all motors and joints are at rest.
 
         A motor is at rest if its speed is exactly 0. A joint is at rest if its speed is at most
         `REST_SPEED_RATIO` times its velocity limit.
+
+        Parameters
+        ----------
+        states : (n, 44) array
+            States of the arm and its controllers, see `playback.CURRENT`.
+
+        Returns
+        -------
+        (n,) array of bool
         """
         rest_speeds = REST_SPEED_RATIO * self.plan.robot.velocities
         joints_rest = np.all(np.abs(states[:, QD]) <= rest_speeds, axis=1)
         return np.all(states[:, W] == 0.0, axis=1) & joints_rest
 
     def draws(self, progress: Progress) -> Draws | None:
-        """Play the same set points with random friction.
+        """Play the same set points again with each of many frictions that are drawn at random.
 
-        The result is None if the scenario requests no draws.
+        The result is None if the scenario requests no such playbacks (`Scenario.draws` is 0).
         """
         scenario = self.scenario
         if not scenario.draws:
@@ -618,7 +646,7 @@ class _Simulation:
     def result(
         self, played: Playback, losses: PowerLosses, draws: Draws | None = None
     ) -> SimulationResult:
-        """Combine all simulations to a result with its verdict.
+        """Combine all simulations to a result that states whether the arm passed.
 
         Parameters
         ----------
@@ -627,7 +655,12 @@ class _Simulation:
         losses : PowerLosses
             Motion after the losses of power.
         draws : Draws or None
-            Playbacks with random friction.
+            Playbacks with random friction. None if the scenario requests none.
+
+        Returns
+        -------
+        SimulationResult
+            Simulated motion, load of the motors, and the reasons of a failure.
         """
         states = played.states[:-1]
         robot = self.plan.robot
@@ -671,7 +704,9 @@ class _Simulation:
         return replace(result, reasons=tuple(_failure_reasons(result)))
 
     def _motor_use(self, k: int, torque: Array, played: Playback, tripped: bool) -> MotorUse:
-        """Summarise the largest torque, the following error and the faults of one motor.
+        """Summarise the load of one motor during the playback.
+
+        The following error is the demanded minus the measured motor angle.
 
         Parameters
         ----------
@@ -682,7 +717,13 @@ class _Simulation:
         played : Playback
             Playback of all joints.
         tripped : bool
-            True if the drive of the joint tripped.
+            True if the drive of the joint tripped, that is, if its following error became so large
+            that all drives switched off.
+
+        Returns
+        -------
+        MotorUse
+            Largest torque and following error, and whether the motor saturated or tripped.
         """
         joint = self.plan.robot.joints[k]
         motor = joint.motor
@@ -700,10 +741,11 @@ class _Simulation:
         )
 
     def _error_window(self, axis: Axis) -> int:
-        """Return the following error that trips a drive, in increments of the encoder.
+        """Return the largest following error that a drive permits, in increments of the encoder.
 
-        The controller file has priority. If it states no following error, the result is the value
-        that the export writes.
+        The following error is the demanded minus the measured motor angle. If it leaves this
+        window, the drive trips, which means that all drives switch off. The controller file has
+        priority. If it states no following error, the result is the value that the export writes.
         """
         window = self.controller.axis(axis.name).following_error
         if window is None:
@@ -713,7 +755,18 @@ class _Simulation:
     def _commands(self, prescribed: Array) -> Commands:
         """Return the commands of the plan with the disturbances of the scenario.
 
-        `prescribed` (n, 4) contains the accelerations of joints without a drive, rad/s² or m/s².
+        The commands follow from the set points that an export contains. A missed set point, a wrong
+        direction of rotation, a loss of power and a blocked motor change them.
+
+        Parameters
+        ----------
+        prescribed : (n, 4) array
+            Accelerations of joints without a drive, rad/s² or m/s². The other columns are not used.
+
+        Returns
+        -------
+        Commands
+            Commands in each of the n periods of the position loop.
         """
         scenario = self.scenario
         streams = csp_streams(self.plan, self.axes, SETPOINT_INTERVAL)
@@ -767,23 +820,28 @@ class _Simulation:
 
 
 def select_periods(commands: Commands, rows: slice | Array) -> Commands:
-    """Return the commands in the selected periods.
+    """Return the commands in the selected periods of the position loop.
 
     Parameters
     ----------
     commands : Commands
         Commands in n periods.
     rows : slice or (m,) array of int
-        The periods. An index may occur several times.
+        Indices of the periods. An index may occur several times.
+
+    Returns
+    -------
+    Commands
+        Commands in the m selected periods.
     """
     return Commands(**{name: column[rows] for name, column in vars(commands).items()})
 
 
 def _encoder_counts(robot: Robot, controller: Controller) -> dict[str, int]:
-    """Return the encoder increments per motor turn by joint.
+    """Return the encoder increments per motor turn by name of the joint.
 
-    The motor file has priority over the controller file. If neither states them, the
-    result is `ASSUMED_ENCODER_COUNTS`.
+    The motor file has priority over the controller file. If neither file states the increments of a
+    joint, they are `ASSUMED_ENCODER_COUNTS`.
     """
     counts = {}
     for joint in robot.joints:
