@@ -2,11 +2,11 @@
 
 A stream is a table of setpoints that a controller sends to one drive, with one row per
 interpolation period. A row contains a target position (mode csp), a target velocity (csv) or a
-target torque (cst), which are the cyclic synchronous modes of the drive. In the modes csp and csv,
-it also contains offsets: values of velocity and torque that the drive may use as feed-forward.
-`export_epos4` writes one stream per driven joint, and the setup objects of the drives
-(`epos4_setup`). `read_epos4` reads streams of positions as a trajectory, so that the motion of the
-drives can be checked.
+target torque (cst), which are the cyclic synchronous modes of the drive. In the mode csp, it also
+contains a velocity offset and a torque offset, and in the mode csv a torque offset. Offsets are
+values that the drive may use as feed-forward. `export_epos4` writes one stream per driven joint,
+and the setup objects of the drives (`epos4_setup`). `read_epos4` reads streams of positions as a
+trajectory, so that the motion of the drives can be checked.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence

@@ -417,9 +417,10 @@ class _RowFit:
     its ends, the accelerations are 6 (p₁ − p₀)/h² − (4 v₀ + 2 v₁)/h and
     −6 (p₁ − p₀)/h² + (2 v₀ + 4 v₁)/h. The velocity coefficient is 3 (p₁ − p₀)/h − v₀ − v₁. The
     position coefficients are p₀ + h v₀/3 and p₁ − h v₁/3. The bounds a_low to p_high are the
-    extremes of the plan on the interval and on its two neighbours. a_max is the acceleration limit
-    of the joint. d is fixed at the ends of the motion and, in a second step, for rounded positions.
-    w is 0 at the ends of the motion.
+    extremes of the plan on the interval and on its two neighbours. The bounds of the acceleration
+    are widened by `ACCELERATION_TOLERANCE`, but stay below the limit by the effect of rounding.
+    a_max is the acceleration limit of the joint. d is fixed at the ends of the motion and, in a
+    second step, for rounded positions. w is 0 at the ends of the motion.
     """
 
     def __init__(self, plan: Plan, i: int, t: Array, stretch: float, unit: float) -> None:

@@ -303,9 +303,22 @@ def candidate_problems(study: Study, design: Design) -> Iterator[tuple[str, Prob
 def plan_candidate(study: Study, row: Candidate) -> dict[str, Plan]:
     """Plan the motions of a candidate again, and return the plans by name of the motion.
 
-    The study stores figures but no plans, so `study show` calls this function. The robot has the
-    motors and gears that were selected for the candidate. The planner keeps the motor margin of the
-    study, but each returned plan contains the problem with the full limits of the motors.
+    The study stores figures (numerical results such as durations) but no plans, so `study show`
+    calls this function. The robot has the motors and gears that were selected for the candidate.
+    The planner keeps the motor margin of the study, but each returned plan contains the problem
+    with the full limits of the motors.
+
+    Parameters
+    ----------
+    study : Study
+        Study with the motions.
+    row : Candidate
+        Stored result of the candidate.
+
+    Returns
+    -------
+    dict of Plan
+        Plan of each motion by its name.
     """
     plans = {}
     for name, problem in candidate_problems(study, study.complete_design(row.design, row.figures)):
@@ -353,12 +366,20 @@ def _passes_check(motion: Trajectory, problem: Problem) -> bool:
 def derate_motors(problem: Problem, margin: float) -> Problem:
     """Reduce the limits of all motors, so that the planner keeps a margin.
 
+    The limits become (1 − margin − MARGIN_ALLOWANCE) times the original limits.
+
     Parameters
     ----------
     problem : Problem
-        Problem with the robot whose motors are reduced.
+        Problem with the robot.
     margin : float
-        Fraction by which the torque, the continuous torque and the speed are reduced.
+        Fraction by which the torque, the continuous torque and the speed are reduced. 0 leaves the
+        problem unchanged.
+
+    Returns
+    -------
+    Problem
+        Problem whose robot has motors with the reduced limits.
     """
     if margin == 0:
         return problem
@@ -387,7 +408,11 @@ def _with_changed_joints(problem: Problem, change: Callable[[Joint], Joint]) -> 
 
 
 def _remove_selected_motors(study: Study, problem: Problem) -> Problem:
-    """Remove the motors of all joints whose motor or gear is selected after the planning."""
+    """Return a problem without the motors of those joints whose motor or gear is still unknown.
+
+    The motors and gears in `Study.selected` are selected only after the planning. The first plans
+    therefore must not depend on the motors of these joints.
+    """
     selected_joints = {choice.path.split(".")[1] for choice in study.selected}
 
     def without_motor(joint: Joint) -> Joint:
@@ -520,7 +545,21 @@ def _admissible_pairs(
 
 
 def _checked_margins(verdict: MotorVerdict) -> list[float]:
-    """Return the known margins of the checks `CHECKS_WITH_MARGIN` of a motor."""
+    """Return the margins of those checks of a motor that must keep the required motor margin.
+
+    A margin is the unused part of a limit, as a fraction of the limit. Checks whose margin could
+    not be computed, for example because the motor file lacks a value, are left out.
+
+    Parameters
+    ----------
+    verdict : MotorVerdict
+        All checks of one motor in one motion.
+
+    Returns
+    -------
+    list of float
+        Margins of the checks `CHECKS_WITH_MARGIN`.
+    """
     margins = {
         check.name: check.margin for check in verdict.checks if check.name in CHECKS_WITH_MARGIN
     }
@@ -546,8 +585,9 @@ def _component_options(
     -------
     choice : Choice or None
         Choice of the study for this component.
-    options : list of Part
-        One part for each entry of the choice. Without a choice, the part of the robot file.
+    options : list of CatalogueEntry
+        Name, motor or drive, and size of each entry of the choice. Without a choice, the only entry
+        is the motor or drive of the robot file.
     """
     path = f"joints.{joint}.{component}"
     choice = next((choice for choice in study.selected if choice.path.startswith(path)), None)
@@ -567,13 +607,35 @@ def _component_options(
 
 
 def _keeps_margin(results: Fields, margin: float) -> bool:
-    """Return True if the results keep a motor margin, or if the motor margin is not known."""
+    """Return True if the results keep a motor margin, or if the motor margin is not known.
+
+    Parameters
+    ----------
+    results : mapping
+        Results of a candidate. `motor_margin` is the smallest margin of its motors, or None.
+    margin : float
+        Required motor margin, as a fraction of the limit.
+    """
     available = results["motor_margin"]
     return available is None or available >= margin
 
 
 def _motion_results(problems: ProblemByMotion, motions: TrajectoryByMotion) -> JsonObject:
-    """Return the durations of the motions, and the results for the motors, in SI units."""
+    """Return the durations of the motions, and the results for the motors, in SI units.
+
+    Parameters
+    ----------
+    problems : ProblemByMotion
+        Problem of each motion by name, with the robot that performs it.
+    motions : TrajectoryByMotion
+        Trajectory of each motion by name.
+
+    Returns
+    -------
+    dict
+        `duration.NAME` for each motion and their sum `duration` (s), and the results of
+        `_motor_results`.
+    """
     results: JsonObject = {}
     sizings = []
     for name, motion in motions.items():
@@ -585,7 +647,12 @@ def _motion_results(problems: ProblemByMotion, motions: TrajectoryByMotion) -> J
 
 
 def _motor_results(sizings: Sequence[Sizing]) -> JsonObject:
-    """Summarise the sizings of all motions.
+    """Summarise what all motions demand from the motors of a candidate.
+
+    Parameters
+    ----------
+    sizings : sequence of Sizing
+        For each motion, the requirements and the checks of every motor.
 
     Returns
     -------

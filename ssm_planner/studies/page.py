@@ -1,5 +1,8 @@
 """Write the page of a study with its front, rejections, parallel coordinates and sensitivity.
 
+The front (Pareto front) contains the candidates that no other candidate surpasses in one objective
+without being worse in another. A candidate is one of the robots that the study compares.
+
 `write_study_page` fills in the template study.html. The terminal and the figures use the functions
 that name and format results, such as `axis_title` and `format_result`.
 """
@@ -126,7 +129,20 @@ def _rejection_rows(rows: Candidates) -> list[JsonObject]:
 def _front_table(study: Study, front: Candidates) -> JsonObject:
     """Return the header and the rows of the table of the front.
 
-    The columns are the number, the objectives, the variables and the selected parts.
+    The columns are the number of the candidate, the objectives, the variables, and the motors and
+    gears that were selected from catalogues. The table has at most `MAX_FRONT_ROWS` rows.
+
+    Parameters
+    ----------
+    study : Study
+        Study that is shown.
+    front : sequence of Candidate
+        Results of the candidates on the Pareto front.
+
+    Returns
+    -------
+    dict
+        `header` is a list of titles, and `rows` a list of rows with one text for each column.
     """
     names = [name for name in study.minimise if any(name in row.figures for row in front)]
     header = ["number"] + [axis_title(name) for name in names] + list(study.paths)
@@ -257,7 +273,15 @@ def variable_column(study: Study, path: str, rows: Candidates) -> JsonObject:
 def sensitivity_rows(study: Study, rows: Candidates) -> list[JsonObject]:
     """Return how much of the variance of each objective each variable explains.
 
-    Only candidates that are done are evaluated, and all values are 0 if there are too few of them.
+    The value is the correlation ratio η² (see `correlation_ratio`) in %. Only candidates with the
+    state "done" are evaluated, and all values are 0 if there are at most `BIN_COUNT` of them.
+
+    Parameters
+    ----------
+    study : Study
+        Study with its variables and objectives.
+    rows : sequence of Candidate
+        Results of all candidates.
 
     Returns
     -------
@@ -279,7 +303,7 @@ def sensitivity_rows(study: Study, rows: Candidates) -> list[JsonObject]:
 
 
 def correlation_ratio(positions: Array, value: Array) -> float:
-    """Return the correlation ratio η², the share of a variance that another quantity explains.
+    """Return the correlation ratio η², the part of a variance that another quantity explains.
 
     It is 0 for independent quantities and 1 if one quantity determines the other. The positions are
     divided into bins of equal count. A correction for the number of bins makes the expected value 0
@@ -292,6 +316,12 @@ def correlation_ratio(positions: Array, value: Array) -> float:
         Quantity that explains the values.
     value : (n,) array
         Values whose variance is explained. Values that are not finite are ignored.
+
+    Returns
+    -------
+    float
+        η², from 0 to 1. It is 0 for fewer than two values, for equal values, and for too few values
+        per bin.
     """
     finite = np.isfinite(value)
     positions = positions[finite]
@@ -312,9 +342,10 @@ def correlation_ratio(positions: Array, value: Array) -> float:
 
 
 def design_texts(study: Study, row: Candidate) -> dict[str, str]:
-    """Return the values of a candidate's design, including the selected parts, by path.
+    """Return the values that define a candidate as texts for the page, by path.
 
-    A minus sign at the beginning becomes a typographic one.
+    They include the names of the motors and gears that were selected from catalogues. A minus sign
+    at the beginning becomes a typographic one.
     """
     full_design = study.complete_design(row.design, row.figures)
     return {path: re.sub(r"^-", "−", str(value)) for path, value in full_design.items()}

@@ -1,8 +1,9 @@
 """Reject candidates by closed-form tests, before any planning and for all candidates at once.
 
-The tests are called screens. They check the reach (paper, eq. 9), the self-locking of every drive,
-and the motor torque that starts each straight motion from rest against weight and static friction.
-A candidate that a screen cannot evaluate passes it, and the planner judges it later.
+A candidate is one of the robots that a study compares. The tests are called screens. They check the
+reach (paper, eq. 9), the self-locking of every drive, and the motor torque that starts each
+straight motion from rest against weight and static friction. A candidate that a screen cannot
+evaluate passes it, and the planner judges it later.
 """
 
 import math
@@ -34,7 +35,9 @@ class Rejection:
     """The stage that rejected a candidate, and the reason in words."""
 
     stage: str
+    """Name of the test: "reach", "parts" (invalid motor or drive), "locking" or "static torque"."""
     reason: str
+    """Reason of the rejection."""
 
 
 Rejections = list[Rejection | None]
@@ -121,12 +124,18 @@ class Screens:
             return
 
     def _geometry_family(self, designs: Sequence[Design]) -> MechanismFamily | None:
-        """Return the geometries of all designs as arrays.
+        """Return the geometries of the mechanisms of all candidates as arrays.
+
+        Parameters
+        ----------
+        designs : sequence of Design
+            Designs of n candidates.
 
         Returns
         -------
-        Family or None
-            None if other keys of the robot file than `GEOMETRY_ANGLES` define the geometry.
+        MechanismFamily or None
+            Geometries of the n candidates. None if other keys of the robot file than
+            `GEOMETRY_ANGLES` define the geometry.
         """
         geometry = self.study.robot["geometry"]
         axes_vary = any(path.startswith("geometry.axes") for path in self.study.paths)
@@ -189,7 +198,13 @@ class Screens:
     def _part_rejection(self, joint: Joint | ProblemError) -> Rejection | None:
         """Return the rejection if a joint is invalid or its drive does not lock, otherwise None.
 
-        A drive must lock if the study requires it, or if the file of the drive states it.
+        A drive locks if its load cannot move it. It must lock if the study requires it, or if the
+        file of the drive states it.
+
+        Parameters
+        ----------
+        joint : Joint or ProblemError
+            Joint with its drive and motor, or the error of an invalid drive or motor.
         """
         if isinstance(joint, ProblemError):
             return Rejection("parts", joint.reason)
@@ -273,6 +288,12 @@ class Screens:
             Branch of the inverse kinematics, +1 or −1.
         designs : sequence of Design
             Designs of these candidates.
+
+        Returns
+        -------
+        list of Rejection or None
+            Rejection of each candidate, or None if its motors suffice on this branch. Joints whose
+            motor or gear is selected after the planning are not tested.
         """
         starts, ends = np.array(self._moves).swapaxes(0, 1)
         steps = starts + START_FRACTION * (ends - starts)
@@ -342,9 +363,11 @@ class Screens:
     def _joint_variants(
         self, name: str, designs: Sequence[Design]
     ) -> Iterator[tuple[Joint, Array]]:
-        """Yield each combination of drive and motor of a joint, and the designs that contain it.
+        """Yield each combination of drive and motor of a joint, and the candidates that have it.
 
-        A combination whose drive and motor do not fit together is left out.
+        Candidates with the same drive and motor of the joint form a group. The method yields one
+        joint for each group, so that the torques of a group can be computed at once. A combination
+        whose drive and motor do not fit together is left out.
 
         Parameters
         ----------
@@ -356,9 +379,9 @@ class Screens:
         Yields
         ------
         joint : Joint
-            Joint with the drive and the motor.
+            Joint with the drive and the motor of the group.
         members : (m,) array of int
-            Indices of the designs.
+            Indices in `designs` of the m candidates in the group.
         """
         assert self.robot is not None
         original = self.robot.joints[JOINTS.index(name)]
@@ -474,7 +497,7 @@ def _required_tilts_and_moves(problems: Sequence[Problem]) -> tuple[Array, list[
     tilts : (k,) array
         Tilts at the ends of the motions, rad.
     moves : list of StraightMove
-        Ends of the straight motions.
+        Task coordinates at the start and at the end of each straight motion.
     """
     tilts: list[float] = []
     moves: list[StraightMove] = []

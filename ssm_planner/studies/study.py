@@ -1,8 +1,9 @@
 """Define a study as an immutable value: variables, motions, requirements and objectives.
 
-A study compares many variants of a robot. A variant is called a candidate, and the values that
-distinguish it from the robot of the study file are called its design. `study_file.load_study` reads
-a `Study` from YAML, and `run.study` evaluates its candidates.
+A study compares many robots that differ from the robot of the study file in some values, such as
+the angle between two axes or the motor of a joint. Each of these robots is called a candidate, and
+the values that distinguish it are called its design. `study_file.load_study` reads a `Study` from
+YAML, and `run.study` evaluates its candidates.
 """
 
 import copy
@@ -89,8 +90,9 @@ class Varied:
 class Choice:
     """A choice among several entries, such as the motors of a catalogue.
 
-    The search selects an entry for every candidate. If `select` is set, the entry is selected after
-    the motions are known, as the first one in a ranking that suffices for them.
+    The search selects an entry for every candidate. If `select` is set, the entry is selected only
+    after the motions of the candidate have been planned: it is the first entry in the ranking by
+    `select` whose motor or gear can execute all motions.
 
     Examples
     --------
@@ -175,7 +177,9 @@ class Search:
 
 @record
 class Study:
-    """A comparison of many variants of a robot, the candidates, which all perform the same motions.
+    """A comparison of many robots, the candidates, which all perform the same motions.
+
+    The candidates are the robot of the study file with other values of the variables.
 
     Examples
     --------
@@ -197,7 +201,7 @@ class Study:
     search: Search
     file: str | None = None
     selected: tuple[Choice, ...] = ()
-    """Choices of motors and gears whose entries are selected after the motions are known."""
+    """Choices of motors and gears whose entries are selected after the motions are planned."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.count <= MAX_CANDIDATES:
@@ -261,7 +265,13 @@ class Study:
         design : Design
             Values that the search chose.
         figures : mapping
-            Results of the candidate. They contain the name of each selected part under its path.
+            Results of the candidate. They contain the name of each motor and gear that was selected
+            from a catalogue, under the path of its choice.
+
+        Returns
+        -------
+        dict of str
+            Values and names of motors and gears by path.
         """
         result = dict(design)
         for choice in self.selected:
@@ -284,12 +294,19 @@ class Study:
         yield from map(self.design, sobol_points(len(self.vary), search.points, search.seed))
 
     def design(self, point: Sequence[float] | Array) -> Design:
-        """Return the design at a point of the unit cube.
+        """Return the design that belongs to a point of the unit cube.
+
+        Each coordinate of the point selects the value of one variable.
 
         Parameters
         ----------
         point : (d,) array
-            Position of each of the d variables of `vary`, from 0 to 1.
+            Position of each of the d variables of `vary` in its range, from 0 to 1.
+
+        Returns
+        -------
+        Design
+            Value of each variable by its path.
         """
         return {
             variable.path: variable.value_at(float(x))
@@ -297,9 +314,18 @@ class Study:
         }
 
     def resolved(self, design: Design) -> JsonObject:
-        """Return the content of a candidate's robot file.
+        """Return the content of the robot file that describes a candidate.
 
-        An empty design gives the original robot.
+        Parameters
+        ----------
+        design : Design
+            Values that distinguish the candidate, by path. An empty design gives the original
+            robot.
+
+        Returns
+        -------
+        dict
+            Content of the robot file with the values of the design.
         """
         contents = {
             variable.path: variable.contents
@@ -446,6 +472,13 @@ def leads_to_container(tree: Fields, path: str) -> bool:
 
     The last key of the path may be new. If it is a gear, the drive must already contain the
     geometry of a gear.
+
+    Parameters
+    ----------
+    tree : mapping
+        Content of the robot file.
+    path : str
+        Dotted path, such as "joints.tilt.drive.worm". A number stands for an index of a list.
     """
     node: Any = tree
     keys = path.split(".")

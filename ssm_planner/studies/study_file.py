@@ -328,7 +328,7 @@ def _check_selection(
     vary : sequence of Variable
         All variables.
     selected : sequence of Choice
-        The variables whose part is selected by rank.
+        The variables whose motor or gear is selected by rank after the motions are planned.
 
     Raises
     ------
@@ -355,7 +355,10 @@ def _check_selection(
 
 
 def _is_valid_pace(variable: Variable) -> bool:
-    """Return True if all values of a pace are finite and at least 1."""
+    """Return True if all values that a variable permits for the pace are finite and at least 1.
+
+    The pace is a factor by which the durations of the motions grow.
+    """
     # A range begins with its smallest value.
     paces = variable.contents if isinstance(variable, Choice) else [variable.value_at(0.0)]
     try:

@@ -1,6 +1,8 @@
-"""Sample every quantity that a page plots. A sampled quantity is called a channel.
+"""Sample every quantity that an HTML page (report) of a plan plots over time.
 
-`sample_channels` is the entry. `encode_channels` converts its result for the scripts of a page.
+A channel is one named series of values at the instants of the page, such as the velocity of one
+joint. `sample_channels` is the entry. `encode_channels` converts its result for the scripts of a
+page.
 """
 
 import base64
@@ -59,7 +61,9 @@ def time_grid(duration: float) -> Array:
 
 
 def sample_channels(plan: Plan, t: Array) -> Arrays:
-    """Sample every plotted quantity of a plan.
+    """Sample every quantity of a plan that the page plots over time.
+
+    Each quantity becomes a channel, that is, one named series of values.
 
     Parameters
     ----------
@@ -71,8 +75,12 @@ def sample_channels(plan: Plan, t: Array) -> Arrays:
     Returns
     -------
     dict of (n,) arrays
-        Values in SI units by name of the channel. The name "qd2" means the velocity of the joint
-        with index 2, and "split0_load" the component "load" of the motor torque of joint 0.
+        Values by name of the channel, in SI units, with temperatures in °C. A number at the end of
+        a name is an index from 0. "q", "qd", "qdd" and "qddd" with the index of a joint are its
+        position, velocity, acceleration and jerk, "w" and "tau" the speed and the torque of its
+        motor, and "winding" and "housing" the temperatures of its motor. "split0_load" is the
+        component "load" of the motor torque of joint 0. "t" contains the instants. `_tool_channels`
+        states the names of the quantities of the tool.
     """
     trajectory = plan.motion
     samples = trajectory.sample(trajectory.breaks[0] + np.minimum(t, trajectory.duration))
@@ -99,9 +107,19 @@ def sample_channels(plan: Plan, t: Array) -> Arrays:
 
 
 def encode_channels(channels: Arrays) -> dict[str, str]:
-    """Encode channels, (n,) each, for the scripts of a page.
+    """Encode the plotted series of values (channels) for the scripts of a page.
 
-    Each channel becomes the base64 text of little-endian doubles, which is exact and fast to read.
+    The base64 text of little-endian doubles is exact and fast to read.
+
+    Parameters
+    ----------
+    channels : dict of (n,) arrays
+        Values by name of the channel.
+
+    Returns
+    -------
+    dict of str
+        Base64 text by name of the channel.
     """
     return {
         name: base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")
@@ -134,7 +152,10 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
     Returns
     -------
     dict of (n,) arrays
-        Values in SI units by name of the channel.
+        Values in SI units by name of the channel. "task0" to "task3" are roll, tilt, spin and
+        depth, "task_rate0" to "task_rate3" their rates, and "tip0" to "tip2" the coordinates x, y
+        and z of the tip. Speeds have the name of the field of their limit, and clearances the names
+        `EYE_CHANNELS`.
     """
     task = task_from_joints(mechanism, samples.q)
     for column in (0, 2):
@@ -157,10 +178,10 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
 
 
 def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) -> Arrays:
-    """Return the temperatures of the windings and housings of all motors.
+    """Return the temperatures of the windings and housings of all motors over time.
 
-    They belong to the steady state of a motion that repeats. Motors without thermal data, and
-    motors that overheat, are left out.
+    The temperatures are those of the steady state that is reached if the motion repeats again and
+    again with a pause. Motors without thermal data, and motors that overheat, are left out.
 
     Parameters
     ----------
@@ -174,7 +195,8 @@ def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) ->
     Returns
     -------
     dict of (n,) arrays
-        Temperatures in °C by name of the channel.
+        Temperatures in °C by the names "winding0" and "housing0" for the motor of joint 0, and so
+        on.
     """
     channels = {}
     for load in loads:

@@ -1,8 +1,9 @@
-"""Build the panels of a page.
+"""Build the descriptions of all plots of an HTML page that shows a plan.
 
-A panel is a plot with its series (curves), its limits and the intervals in which these limits are
-active, that is, reached by the motion. `build_panels` is the entry. The script assets/plots.js
-draws the panels.
+Such a description is called a panel. It contains the curves of the plot (series), its limits, and
+the intervals in which these limits are active, that is, reached by the motion. The values of a
+curve are in a channel, a named series of sampled values (`channels`). `build_panels` is the entry.
+The script assets/plots.js draws the panels.
 """
 
 from collections.abc import Iterator
@@ -68,7 +69,7 @@ MAP_POINTS = 81
 
 
 def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
-    """Build all panels of a plan, in the order of the page.
+    """Build the descriptions of all plots (panels) of a plan, in the order of the page.
 
     Parameters
     ----------
@@ -115,16 +116,24 @@ def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
 
 
 def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, int]]) -> Panel:
-    """Build a panel without limits.
+    """Build the description of a plot (panel) that has no limits yet.
 
     Parameters
     ----------
     section, title : str
-        Heading under which the panel appears, and its own title.
+        Heading under which the plot appears on the page, and the title of the plot.
     unit : str
-        SI unit of the channels, or "rpm" for channels in rad/s that are displayed in rpm.
+        SI unit of the plotted values, or "rpm" for values in rad/s that are displayed in rpm.
     series : list of (str, str, int)
-        Channel, label and colour index of each curve.
+        For each curve, the name of the channel with its values, its label, and the index of its
+        colour.
+
+    Returns
+    -------
+    Panel
+        Dictionary of JSON types with the keys `section`, `title`, `unit`, `series`, `limits` (see
+        `new_limit_entry`), `missing` (sentences on data that the plot lacks) and `active`
+        (intervals at a limit, see `add_active_intervals`).
     """
     return {
         "section": section,
@@ -161,10 +170,17 @@ def new_limit_entry(
     low, high : float
         Bounds in the SI unit of the panel. They may be infinite.
     channel : str, optional
-        Channel whose intervals at the limit are marked. None marks no intervals.
+        Name of the plotted quantity to which the limit applies. The page marks the intervals in
+        which this quantity is at the limit. None marks no intervals.
     size : float, optional
         Value to which the tolerance `ACTIVE_TOLERANCE` refers. The default is the limit itself, or
         half the width of a range.
+
+    Returns
+    -------
+    dict
+        The arguments as JSON types, and the `label` of the limit, which contains its name and the
+        joint or coordinate.
     """
     return {
         "name": name,
@@ -188,7 +204,13 @@ def limit_entry(limit: Limit, index: int, channel: str) -> JsonObject:
     index : int
         Index of the colour.
     channel : str
-        Channel whose intervals at the limit are marked.
+        Name of the plotted quantity to which the limit applies. The page marks the intervals in
+        which this quantity is at the limit.
+
+    Returns
+    -------
+    dict
+        Entry as that of `new_limit_entry`, in the SI unit of the limit.
     """
     low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # A speed is never negative.
     size = limit.half_width if isinstance(limit, RetinaClearance) else None
@@ -201,12 +223,15 @@ def limit_entry(limit: Limit, index: int, channel: str) -> JsonObject:
 
 
 def add_active_intervals(panel: Panel, channels: Arrays) -> None:
-    """Add to a panel the intervals in which one of its limits is active.
+    """Add to the description of a plot the intervals in which the motion is at one of its limits.
+
+    Each interval contains its `start` and `end` in s, the `side` (+1 for the upper and −1 for the
+    lower bound), the bound as `value`, and the label, name and colour index of the limit.
 
     Parameters
     ----------
     panel : Panel
-        The panel, which is changed.
+        Description of the plot, which is changed in place.
     channels : dict of (n,) arrays
         Sampled quantities by name.
     """
@@ -223,9 +248,10 @@ def add_active_intervals(panel: Panel, channels: Arrays) -> None:
 
 
 def convert_to_display_units(panel: Panel) -> None:
-    """Convert the limits and intervals of a panel to display units, in place.
+    """Convert the limits and intervals of a plot to display units, in place.
 
-    The channels stay in SI units. The scripts of the page multiply them by the panel's scale.
+    The curves stay in SI units. The scripts of the page multiply them by the `scale` that this
+    function adds to the description of the plot. Infinite bounds become None.
     """
     panel["unit"], panel["scale"] = display_unit_of(panel["unit"])
     for limit in panel["limits"]:
@@ -372,14 +398,14 @@ def _joint_panel(
     unit: str,
     limit_type: type[JointPosition | JointVelocity | JointAcceleration | JointJerk],
 ) -> Panel:
-    """Build the panel that plots one quantity of several joints, with its limits.
+    """Build the description of the plot (panel) of one quantity of several joints, with its limits.
 
     Parameters
     ----------
     joints : list of (int, Joint)
         Index and joint for each curve.
     field : str
-        Beginning of the channel's name, such as "qd".
+        Beginning of the name of each curve's channel, such as "qd". The index of the joint follows.
     unit : str
         SI unit of the quantity.
     limit_type : type
@@ -452,7 +478,7 @@ def torque_part_panels(channels: Arrays) -> Iterator[Panel]:
 def temperature_panels(channels: Arrays, motors: dict[int, Motor]) -> Iterator[Panel]:
     """Yield one panel for each motor with the temperatures of its winding and housing.
 
-    Motors without channels for their temperatures are left out.
+    Motors whose temperatures were not computed are left out, see `missing_temperature_reasons`.
 
     Parameters
     ----------
@@ -482,10 +508,10 @@ def temperature_panels(channels: Arrays, motors: dict[int, Motor]) -> Iterator[P
 
 
 def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
-    """Yield the panels of the tool.
+    """Yield the descriptions of the plots (panels) that show the motion of the tool.
 
-    They plot the task coordinates, their limited rates, the tool speeds and the clearances in the
-    eye.
+    They show the task coordinates roll, tilt, spin and depth, those of their rates that have a
+    limit, the tool speeds, and the clearances in the eye.
     """
     for indices, unit, title in COORDINATE_GROUPS:
         series = [(f"task{i}", TASK_COORDINATES[i], i) for i in indices]
