@@ -134,7 +134,8 @@ class Reading:
     def add_declared_rates(self, limits: TaskLimits) -> TaskLimits:
         """Return limits of a task with the rates that the file declares at the start and the end.
 
-        Rates that the limits already contain take precedence.
+        A rate is the velocity of a task coordinate (roll, tilt, spin or depth). The motion must
+        have the declared rates at its ends. Rates that the limits already contain take precedence.
         """
         start = limits.start_rate if limits.start_rate != {} else self.start_rate
         end = limits.end_rate if limits.end_rate != {} else self.end_rate
@@ -199,9 +200,14 @@ def describe_interpolation(cubic: Mask, quintic: Mask) -> str:
     Parameters
     ----------
     cubic : (n,) array of bool
-        True for pieces that are cubic or quintic.
+        True for pieces that are cubic or quintic. A piece joins two points.
     quintic : (n,) array of bool
         True for quintic pieces.
+
+    Returns
+    -------
+    str
+        Description such as "cubic between points (positions and velocities given)".
     """
     if quintic.all():
         return "quintic between points (positions, velocities and accelerations given)"
@@ -223,6 +229,13 @@ def check_points(points: Points, robot: Robot) -> None:
 
     Faults are too few points, values that are not finite, times that do not increase, wrong units
     and swapped columns. The message names the first faulty point.
+
+    Parameters
+    ----------
+    points : Points
+        Points of a joint motion.
+    robot : Robot
+        Robot that shall perform the motion. Its joints determine the plausible values.
     """
     t = points.t
     n = len(points.t)
@@ -284,6 +297,12 @@ class _LazyCoefficients:
         ----------
         index : slice or array of int
             Indices of the pieces.
+
+        Returns
+        -------
+        (m, 6, 4) array
+            Coefficient of each power of the time since the start of the piece, from 0 to 5, for
+            each of the four joints, rad or m and s.
         """
         points = self.points
         start = np.arange(len(self.cubic))[index]

@@ -91,8 +91,8 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
             return trials[-1]
         trials.append(_try_points(plan, divisions, False, 1.0, tick))
     candidate = max(trials, key=lambda trial: trial.certificate.worst.margin)
-    # The trials are the quintics through the breaks, if these are smooth, and then one for each
-    # entry of PARTS.
+    # The trials are the quintics through the breaks, if the acceleration does not jump there, and
+    # then one trial for each entry of DIVISIONS.
     divisions = 1 if candidate.has_accelerations else DIVISIONS[trials.index(candidate) - smooth]
     for _ in range(MAX_SLOWDOWN_TRIALS):
         if candidate.certificate.passed:
@@ -178,7 +178,10 @@ def _try_points(
 
 
 def _acceleration_jump(plan: Plan) -> float:
-    """Return the largest acceleration jump at a break, relative to the limit of the joint."""
+    """Return the largest acceleration jump at a break, relative to the limit of the joint.
+
+    A break is an instant at which two polynomials of the plan meet.
+    """
     inner = plan.motion.breaks[1:-1]
     jump = plan.motion.sample(inner, "right").qdd - plan.motion.sample(inner, "left").qdd
     return float(np.max(np.abs(jump) / plan.robot.accelerations, initial=0.0))

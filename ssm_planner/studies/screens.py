@@ -156,7 +156,7 @@ class Screens:
 
         Parameters
         ----------
-        family : Family
+        family : MechanismFamily
             Geometries of n candidates.
         rejections : list of Rejection or None
             Rejection of each candidate, which is set in place. Earlier rejections remain.
@@ -256,7 +256,7 @@ class Screens:
         ----------
         designs : sequence of Design
             Designs of n candidates.
-        family : Family
+        family : MechanismFamily
             Geometries of these candidates.
         rejections : list of Rejection or None
             Rejection of each candidate, which is set in place. Earlier rejections remain.
@@ -282,7 +282,7 @@ class Screens:
 
         Parameters
         ----------
-        family : Family
+        family : MechanismFamily
             Geometries of n candidates.
         branch : int
             Branch of the inverse kinematics, +1 or −1.
@@ -321,7 +321,7 @@ class Screens:
 
         Parameters
         ----------
-        family : Family
+        family : MechanismFamily
             Geometries of n candidates.
         q : (n, k, 4) array
             Joint positions of each candidate in k configurations, rad and m.
@@ -340,11 +340,13 @@ class Screens:
     def _centres_of_mass(self, family: MechanismFamily) -> Array:
         """Return the centres of mass of the four bodies in the base frame at q = 0.
 
-        Each body is rotated together with the axis of its joint, by the smallest rotation.
+        The axes of the joints differ between the candidates. Each body of the original robot is
+        rotated by the smallest rotation that turns the original axis of its joint into the axis of
+        the candidate.
 
         Parameters
         ----------
-        family : Family
+        family : MechanismFamily
             Geometries of n candidates.
 
         Returns

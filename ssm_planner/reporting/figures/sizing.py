@@ -46,8 +46,9 @@ PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
 def write_sizing_figures(sizing: "Sizing", folder: Path) -> Files:
     """Write the figures of a sizing as PNG and PDF, and return their paths by name.
 
-    The figures are payload_curves, torque_split and, if motors are judged, operating_regions.
-    Nothing is written if the motion does not move a driven joint.
+    A sizing states the torques and speeds that a motion requires of the motors. The figures are
+    payload_curves, torque_split and, if motors are judged, operating_regions. Nothing is written if
+    the sizing contains no joint.
 
     Raises
     ------
@@ -66,10 +67,21 @@ def write_sizing_figures(sizing: "Sizing", folder: Path) -> Files:
 
 
 def payload_curves_figure(sizing: "Sizing") -> "Figure":
-    """Draw the motor torque over the motor speed.
+    """Draw the motor torque of a motion over the motor speed.
 
     Rotary joints are on the left, and the translation is on the right. A broad bar at the peak
-    shows the range of the peak torque at the stated confidence.
+    shows the range of the peak torque that results from uncertain friction, at the confidence of
+    the sizing.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Torque and speed that the motion requires of each motor.
+
+    Returns
+    -------
+    Figure
+        Figure with one plot for each kind of joint.
     """
     rotary = [joint for joint in sizing.joints if not joint.load.drive.slides]
     sliding = [joint for joint in sizing.joints if joint.load.drive.slides]
@@ -90,6 +102,16 @@ def torque_split_figure(sizing: "Sizing") -> "Figure":
     """Draw the motor torque of every joint and its parts over time.
 
     A part is the contribution of one cause, such as friction or inertia.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Torques that the motion requires of each motor.
+
+    Returns
+    -------
+    Figure
+        Figure with one plot for each driven joint.
     """
     figure = new_figure(7.2, 2.2 * len(sizing.joints) + 0.5)
     panels = figure.subplots(len(sizing.joints), 1, squeeze=False)[:, 0]
@@ -112,6 +134,16 @@ def operating_regions_figure(sizing: "Sizing") -> "Figure":
     The continuous region of the motor is shaded, and the short-term region is outlined. A dotted
     line shows the RMS torque of the motion. The area of a circle is proportional to the time that
     the motion spends near its centre.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Verdict on each candidate motor.
+
+    Returns
+    -------
+    Figure
+        Figure with one plot for each candidate motor.
     """
     verdicts = sizing.verdicts
     columns = min(len(verdicts), 3)
@@ -250,19 +282,25 @@ OUTLIER_STYLE: Keywords = {"color": COLOURS[1], "marker": "x", "markersize": 7, 
 
 
 def map_figure(fit: "MapFit", data: "TorqueMap", load: float) -> "Figure":
-    """Draw a torque–velocity map: measurements, outliers, and the fitted law with its bands.
+    """Draw a torque–velocity map: measurements, outliers, and the fitted friction law.
 
-    The bands contain 95 % of new recordings. The inner band applies to the mean of a recording, and
-    the outer band to its samples, which contain ripple and noise.
+    A torque–velocity map contains the mean motor torques of recordings at constant motor speeds.
+    Two bands contain 95 % of new recordings. The inner band applies to the mean torque of a
+    recording, and the outer band to its single values, which contain ripple and noise.
 
     Parameters
     ----------
     fit : MapFit
-        Fitted law.
+        Drive with the fitted friction law, and the outliers.
     data : TorqueMap
-        Measurements.
+        Measured torques at motor speeds.
     load : float
-        Constant load effort during the measurements, N·m or N.
+        Constant effort of the load on the drive during the measurements, N·m or N.
+
+    Returns
+    -------
+    Figure
+        Figure with one plot.
     """
     from ssm_planner.identification import map_torque
 
@@ -358,7 +396,19 @@ def map_speeds(w: Array) -> tuple[Array, Array]:
 def prediction_figure(prediction: "Prediction") -> "Figure":
     """Draw the measured and the predicted motor torque over time, and the speed below.
 
-    Shaded bands contain 95 % of the samples and of the means, if the drive states a posterior.
+    If the drive states a posterior, that is, the uncertainty of its friction, two shaded bands are
+    drawn. The wide band contains 95 % of the single torque values. The narrow band contains the
+    mean torque of the recording with a probability of 95 %.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Recording of a drive, and the torque that its friction law predicts.
+
+    Returns
+    -------
+    Figure
+        Figure with the torque above and the speed below.
     """
     figure = new_figure(7.2, 4.4)
     torque, speed = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))

@@ -202,7 +202,7 @@ def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) ->
     for load in loads:
         if load.motor is None or missing_data(load.motor, *THERMAL_DATA):
             continue
-        # At most INSTANTS of the many instants of a long motion determine the temperatures.
+        # About MOST_INSTANTS of the many instants of a long motion determine the temperatures.
         end = len(load.t) - 1
         step = math.ceil(len(load.t) / MOST_INSTANTS)
         selected = load.subset(np.append(np.arange(0, end, step), end))

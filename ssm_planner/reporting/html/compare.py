@@ -65,6 +65,18 @@ def comparison_data(plans: Sequence[Plan]) -> JsonObject:
 
     All plans are sampled on the same time grid. After its end, the shorter plan keeps its last
     position.
+
+    Parameters
+    ----------
+    plans : sequence of Plan
+        Plans with trajectories.
+
+    Returns
+    -------
+    dict
+        `duration` of the longest plan and `ends` of all plans in s, `colours`, `panels` (the
+        descriptions of the plots, each with the curves of all plans), and for each plan its 3D
+        scene in `scenes` and its sampled quantities in `channels`.
     """
     duration = max(plan.motion.duration for plan in plans)
     t = time_grid(duration)
@@ -86,9 +98,10 @@ def comparison_data(plans: Sequence[Plan]) -> JsonObject:
 
 
 def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
-    """Yield one panel for each motor with the margin of its torque and speed.
+    """Yield one plot description (panel) for each motor, with the margin of its torque and speed.
 
-    The margin is the smaller distance of both from their limits, relative to the limit.
+    The margin is 1 − max(|τ|/τ_max, |w|/w_max) with the motor torque τ, the motor speed w and their
+    limits.
 
     Parameters
     ----------

@@ -299,7 +299,8 @@ def active_intervals(
 def _merged_runs(t: Array, active: Mask) -> list[Range]:
     """Return the start and end times of all runs of true values, in s.
 
-    Runs with a gap shorter than `MAX_MERGED_GAP` are merged.
+    A run is a sequence of successive instants with the value true. Runs with a gap shorter than
+    `MAX_MERGED_GAP` are merged.
 
     Parameters
     ----------
@@ -307,6 +308,11 @@ def _merged_runs(t: Array, active: Mask) -> list[Range]:
         Instants, s.
     active : (n,) array of bool
         Values at these instants.
+
+    Returns
+    -------
+    list of (float, float)
+        Start and end time of each run, s.
     """
     intervals: list[Range] = []
     for first_index, end_index in true_runs(active):
@@ -320,8 +326,18 @@ def _merged_runs(t: Array, active: Mask) -> list[Range]:
 def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
     """Format every limit on the tool as cells of a table.
 
-    Each row contains the name, the lower bound, the upper bound and the unit. The name of a
-    clearance in the eye also states the radius to which it refers.
+    The name of a clearance in the eye also states the radius to which it refers.
+
+    Parameters
+    ----------
+    limits : TaskLimits
+        Limits of the task.
+
+    Returns
+    -------
+    list of (str, str, str, str)
+        For each limit: its name, lower bound, upper bound and display unit. An infinite bound is an
+        empty text. The ranges of task coordinates come first.
     """
     radii = {}
     if limits.eye is not None:
@@ -429,7 +445,7 @@ def _joint_panel(
 
 
 def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> Iterator[Panel]:
-    """Yield the panels of the speed and the torque of every motor.
+    """Yield the descriptions of the plots (panels) of the speed and the torque of every motor.
 
     Parameters
     ----------
@@ -437,6 +453,11 @@ def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> Iterator[Panel
         All joints of the robot.
     channels : dict of (n,) arrays
         Sampled quantities by name. A joint is driven if its motor torque is among them.
+
+    Yields
+    ------
+    Panel
+        First one plot of the speed of each motor, and then one plot of the torque of each motor.
     """
     driven = [i for i in range(4) if f"tau{i}" in channels]
     for name, limit_type, unit in (("w", MotorSpeed, "rpm"), ("tau", MotorTorque, "N·m")):
@@ -457,9 +478,10 @@ def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> Iterator[Panel
 
 
 def torque_part_panels(channels: Arrays) -> Iterator[Panel]:
-    """Yield one panel for each driven joint with the parts of its motor torque.
+    """Yield one plot description (panel) per driven joint, with the parts of its motor torque.
 
-    A part is the contribution of one cause, such as friction or inertia.
+    A part is the contribution of one cause to the torque, such as friction or inertia. The parts
+    are those of `TORQUE_COMPONENTS`.
 
     Parameters
     ----------
@@ -476,7 +498,7 @@ def torque_part_panels(channels: Arrays) -> Iterator[Panel]:
 
 
 def temperature_panels(channels: Arrays, motors: dict[int, Motor]) -> Iterator[Panel]:
-    """Yield one panel for each motor with the temperatures of its winding and housing.
+    """Yield one plot description (panel) per motor, with the temperatures of winding and housing.
 
     Motors whose temperatures were not computed are left out, see `missing_temperature_reasons`.
 
@@ -568,9 +590,10 @@ def _ordered_limits(
 
 
 def _eye_panels(eye: Eye) -> Iterator[Panel]:
-    """Yield the panels of the distances to the retina and, if the eye has one, to the lens.
+    """Yield the plot descriptions (panels) of the distances from the tool to parts of the eye.
 
-    The distance to the lens is measured in semi-axes of the lens from its centre.
+    The first plot shows the distance of the tip to the retina. If the eye has a lens, the second
+    plot shows the distance of the shaft from the centre of the lens, in semi-axes of the lens.
     """
     for limit in eye.limits:
         if isinstance(limit, RetinaClearance):

@@ -105,7 +105,18 @@ def write_report(plan: Plan, path: Path) -> Path:
 def report_page(plan: Plan) -> str:
     """Return the report of a plan with a trajectory as an HTML document.
 
-    This function only collects texts and tables. The template report.html arranges them.
+    This function only collects texts, tables and the data of the plots. The template report.html
+    arranges them.
+
+    Parameters
+    ----------
+    plan : Plan
+        A plan with a trajectory.
+
+    Returns
+    -------
+    str
+        Text of the page.
     """
     data = report_data(plan)
     sizing = sizing_object(plan)
@@ -196,9 +207,18 @@ def repetition_text(duty: float | None) -> str:
 def report_data(plan: Plan) -> JsonObject:
     """Return the data for the scripts of the page as JSON types.
 
-    They contain the sampled quantities, the panels, phases, joints and stops of the tip, the
-    torque–speed maps of the motors, and the scene of the 3D view. Times count from the start of the
-    motion, s.
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    dict
+        `channels` contains the sampled quantities over time, and `panels` the plots that show them.
+        `phases` and `joints` describe the motion and the robot, `stops` the tip positions at the
+        ends of the phases, and `maps` the torque–speed curves of the motors. `scene` is the scene
+        of the 3D view. Times count from the start of the motion, s.
     """
     channels = sample_channels(plan, time_grid(plan.motion.duration))
     motors = {
@@ -234,7 +254,8 @@ def motion_sentence(plan: Plan, panels: list[Panel]) -> str:
     plan : Plan
         Plan that is reported.
     panels : list of Panel
-        Panels of the plan, which contain the intervals of active limits.
+        Descriptions of the plots of the plan (see `build_panels`). They contain the intervals in
+        which the motion is at a limit.
     """
     groups: dict[str, list[PhaseSummary]] = {}
     for phase in plan.phases:
@@ -276,15 +297,22 @@ def _coordinate_clauses(phase: PhaseSummary) -> Iterator[str]:
 def _limiting_text(plan: Plan, panels: list[Panel]) -> str:
     """Name at most two limits that are active for the longest time.
 
-    Position limits are left out, because they do not determine the duration. A limit must be active
-    for the fraction `MIN_ACTIVE_FRACTION` of the duration.
+    A limit is active while the motion is at this limit. Limits of positions and clearances are left
+    out, because they do not determine the duration. A limit must be active for more than the
+    fraction `MIN_ACTIVE_FRACTION` of the duration.
 
     Parameters
     ----------
     plan : Plan
         Plan that is reported.
     panels : list of Panel
-        Panels of the plan, which contain the intervals of active limits.
+        Descriptions of the plots of the plan (see `build_panels`). They contain the intervals in
+        which a limit is active.
+
+    Returns
+    -------
+    str
+        Text such as "the tip speed and the speed of joint 2". Empty if no limit is named.
     """
     times: dict[str, dict[int, float]] = {}
     for panel in panels:
@@ -398,7 +426,19 @@ def sizing_object(plan: Plan) -> JsonObject:
 
 
 def _certificate_mark(plan: Plan) -> VerdictMark:
-    """Return the verdict on the certificate of a plan."""
+    """Return the verdict on the certificate of a plan, that is, on the check of all its limits.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    VerdictMark
+        "good" if the certificate passed and no other evaluation disagrees. Otherwise "bad" with the
+        first reason.
+    """
     certificate = plan.certificate
     if certificate is None:
         return "bad", "Not certified", plan.uncertified_reason or "the plan has no certificate"
@@ -450,7 +490,19 @@ def _motion_table(plan: Plan) -> Table:
 
 
 def _target_text(motion: JsonObject) -> str:
-    """Format the target or the duration of an entry of the motion list."""
+    """Format the target or the duration of an entry of the motion list.
+
+    Parameters
+    ----------
+    motion : dict
+        Entry of the list with the key `duration` (s), or with the key `target`, which contains task
+        coordinates, tip coordinates or joint positions in rad and m.
+
+    Returns
+    -------
+    str
+        Text such as "tilt −85°, depth 20 mm".
+    """
     if motion.get("duration") is not None:
         return f"{motion['duration']:g} s"
     target = motion.get("target") or {}
