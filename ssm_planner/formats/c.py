@@ -193,6 +193,11 @@ def _c_literals(values: Array) -> Any:
 def joint_limits(robot: Robot) -> dict[str, list[float]]:
     """Return the limits of the four joints in SI units.
 
+    Parameters
+    ----------
+    robot : Robot
+        Robot with its joints.
+
     Returns
     -------
     dict of lists of 4 floats
@@ -256,6 +261,17 @@ def c_functions(robot: Robot) -> list[CFunction]:
 
     The functions compute the forward kinematics, the inverse kinematics, the inverse dynamics of
     the rigid bodies, and the motor torques with friction.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot whose values the functions contain.
+
+    Returns
+    -------
+    list of CFunction
+        Name, comment, arguments and CasADi function of `ssm_forward`, `ssm_inverse`,
+        `ssm_inverse_dynamics` and `ssm_motor_torque`.
     """
     mechanism = Mechanism.from_robot(robot)
     body = RigidBody.from_robot(robot)

@@ -95,8 +95,21 @@ def _read_file(path: Path, robot: Robot) -> Reading:
 def _read_folder(folder: Path, robot: Robot) -> Reading:
     """Read a rosbag2 folder or an export folder.
 
-    The files of an export must have the hashes in its manifest, and they must agree with the
-    motion. A rosbag2 within an export folder is compared with the hashes of that export.
+    The files of an export must have the hashes that its manifest (manifest.json) states, and they
+    must agree with the motion. A rosbag2 within an export folder is compared with the hashes of
+    that export.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder that is read.
+    robot : Robot
+        Robot that performs the motion.
+
+    Returns
+    -------
+    Reading
+        The trajectory with its controlled stops and the rates that the manifest declares.
 
     Raises
     ------

@@ -104,6 +104,11 @@ def robot_urdf(robot: Robot, mark: str = "") -> str:
         Robot that is described.
     mark : str
         Warning that is added to the comment at the beginning.
+
+    Returns
+    -------
+    str
+        Text of the URDF file (XML).
     """
     return render_template(
         _templates(escape=True),
@@ -122,7 +127,16 @@ def robot_urdf(robot: Robot, mark: str = "") -> str:
 
 
 def _link_values(robot: Robot) -> Iterator[dict[str, Any]]:
-    """Yield the values that the template needs for every link and its joint."""
+    """Yield the values that the template robot.urdf needs for every link and its joint.
+
+    Yields
+    ------
+    dict
+        `name` of the link and of its `parent`, `body`, `joint`, `inertia` about the centre of mass
+        (None for a massless body), `size` of the drawn cylinder, `rpy` (roll, pitch and yaw of the
+        link relative to its parent at q = 0, rad), `axis` of the joint in the frame of the link,
+        and the largest `effort` of the joint in N·m or N.
+    """
     parent = "base"
     frame = np.eye(3)
     geometry = robot.geometry
@@ -177,6 +191,11 @@ def effort_limit(joint: Joint) -> float:
     The motor lifts the load at its largest torque τ_max. The torque without load is τ_0, and k is
     the slope of the motor torque over the load. The result is then (τ_max − τ_0)/k − b_oc, where
     b_oc is the friction at the output.
+
+    Parameters
+    ----------
+    joint : Joint
+        Joint with its drive and motor.
 
     Returns
     -------

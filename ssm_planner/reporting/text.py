@@ -256,10 +256,11 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
 
 
 def phases_table(plan: "Plan") -> Table:
-    """Build the table of the phases with their durations.
+    """Build the table of the phases of a plan with their durations.
 
-    The columns contain the duration, the duration that toppra obtains, the lower bound for motions
-    along the same path, and the lower bound for all paths, in s. The last row is the total.
+    The columns contain the duration, the duration that the independent program toppra obtains, the
+    lower bound for motions along the same path, and the lower bound for all paths, in s. The last
+    row is the total.
     """
     entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
     entries.append(("total", plan))
@@ -271,7 +272,10 @@ def phases_table(plan: "Plan") -> Table:
 
 
 def sensitivities_table(plan: "Plan") -> Table:
-    """Build the table of the time that a motion saves if a limit is raised by one percent."""
+    """Build the table of the time that a motion saves if a limit is raised by one percent.
+
+    The last column states the saved time in per cent of the duration.
+    """
     rows = []
     for item in plan.sensitivities or ():
         saved = -item.seconds_per_percent
@@ -313,8 +317,19 @@ def candidates_table(plan: "Plan") -> Table:
 def explanation_lines(plan: "Plan") -> list[str]:
     """Return the lines that `plan --explain` prints.
 
-    They list the candidate motions of every phase. They also state how much time a further reversal
-    of a joint would save, if the planner knows it.
+    They list the candidate motions of every phase, that is, the ways to move that the planner has
+    tried. If the planner has computed it, they also state how much time a further reversal of a
+    joint would save.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    list of str
+        Lines of text.
     """
     savings = [
         f"{phase.name}: a further reversal would save {phase.reversal_multiplier:.1e} of the "
@@ -346,8 +361,18 @@ def joints_table(plan: "Plan") -> Table:
 def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     """Build the table that compares the requirements on the motors with their ratings.
 
-    Each cell contains the required value and the rating, such as "2.1 of 3.5". Placeholder figures
-    are ratings that the motor file marks as assumed.
+    Each cell contains the required value and the rating, such as "2.1 of 3.5". The last column
+    counts the values that the motor file marks as assumed (placeholders).
+
+    Parameters
+    ----------
+    requirements : iterable of MotorRequirement
+        Torque and speed that a motion requires of the motor of each joint.
+
+    Returns
+    -------
+    Table
+        One row for each joint, with torques in mN·m and speeds in rpm.
     """
     rows = []
     for requirement in requirements:
@@ -542,9 +567,21 @@ def confirmation_texts(plan: "Plan") -> tuple[str, str]:
 def range_lines(plan: "Plan") -> Iterator[str]:
     """Yield lines on the effect of uncertain friction and payload on a plan.
 
-    The first line states the ranges of friction and payload that the problem contains, and the
-    additional duration. A further line for each motor states its worst case. There is no line if
-    the problem does not contain ranges.
+    A problem may contain a range of the friction and a range of the payload for which the motion
+    must keep the motor torque limits. The first line states these ranges, and by how many per cent
+    the motion takes longer than without them. A further line for each motor states the combination
+    of friction and payload with the smallest torque margin. There is no line if the problem does
+    not contain ranges.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Yields
+    ------
+    str
+        Line of text.
     """
     friction = plan.problem.friction
     payload = plan.problem.payload
@@ -569,7 +606,19 @@ def range_lines(plan: "Plan") -> Iterator[str]:
 def path_lines(plan: "Plan") -> list[str]:
     """Describe the rounded corners and the constant tip speeds of all phases, one per line.
 
-    These are properties that a problem can request for the path of the tip.
+    A problem can request both for the path of the tip. The lines state by how much the tip deviates
+    from the straight lines at a corner, and in which interval the tip speed is constant.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    list of str
+        One line for each phase with a rounded corner, then one for each phase with a constant tip
+        speed.
     """
     corners = [
         f"corners      {phase.name}: the tip deviates from its lines by up to "
@@ -603,7 +652,21 @@ def proof_text(plan: "Plan") -> str:
 
 
 def proof_table(proofs: Sequence["Proof"]) -> Table:
-    """Build the table of the proven bounds of all limits, in SI units."""
+    """Build the table of the proven bounds of all limits, in SI units.
+
+    A proof encloses the worst value of a limited quantity over the entire motion between two
+    bounds, the columns "worst from" and "to".
+
+    Parameters
+    ----------
+    proofs : sequence of Proof
+        Proof of each limit.
+
+    Returns
+    -------
+    Table
+        One row for each limit, with the instant of the worst value in s and the verdict.
+    """
     rows = [
         (
             proof.name,
@@ -620,8 +683,9 @@ def proof_table(proofs: Sequence["Proof"]) -> Table:
 def condition_lines(plan: "Plan") -> Iterator[str]:
     """Yield lines on the conditions that a problem contains in addition to its limits.
 
-    These are corners, constant tip speeds, rates at the start and at the end, and ranges of
-    friction and payload. The lines about toppra and about violated limits follow.
+    These are rounded corners, constant tip speeds, velocities of the task coordinates at the start
+    and at the end, and ranges of friction and payload. The lines of `cross_check_lines` and one
+    line for each violated limit follow.
     """
     yield from path_lines(plan)
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
@@ -638,8 +702,19 @@ def condition_lines(plan: "Plan") -> Iterator[str]:
 def cross_check_lines(plan: "Plan") -> Iterator[str]:
     """Yield lines on how the duration compares with toppra's duration and with the proven bound.
 
-    They also state the tip error and the most effective limits. Phases that toppra cannot judge are
-    listed with the reason.
+    toppra is an independent program that computes the shortest duration along a path. Further lines
+    state the tip error that stated joint errors cause, and the limits whose increase by 1 % would
+    save most time. Phases that toppra cannot judge are listed with the reason.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Yields
+    ------
+    str
+        Line of text.
     """
     result = plan.cross_check
     if result is not None:
@@ -735,6 +810,16 @@ def placeholder_values(sizing: SizingObject) -> Iterator[str]:
 
     A placeholder is a value that a motor or drive file marks as assumed. If such a value is a
     rating, the text also states how much lower the rating may be.
+
+    Parameters
+    ----------
+    sizing : SizingObject
+        Object that `size --json` prints.
+
+    Yields
+    ------
+    str
+        Text such as "roll max torque (may be 12.5 % lower)".
     """
     for motor in sizing["motors"]:
         margins = motor["margins"]
@@ -787,9 +872,20 @@ def _open_checks(sizing: SizingObject) -> list[str]:
 
 
 def _failed_checks(sizing: SizingObject) -> list[str]:
-    """Describe each failed check by its joint, name and margin.
+    """Describe each failed check of a motor or gear by its joint, its name and its margin.
 
-    If two motors or gears of a joint fail the same check, only one of them is described.
+    The margin is negative: it is the distance from the limit, relative to the limit. If two motors
+    or gears of a joint fail the same check, only one of them is described.
+
+    Parameters
+    ----------
+    sizing : SizingObject
+        Object that `size --json` prints.
+
+    Returns
+    -------
+    list of str
+        One text for each failed check.
     """
     failed = {}
     for motor in sizing["motors"]:
@@ -813,8 +909,18 @@ def _gear_checks(sizing: SizingObject) -> set[str]:
 def sizing_lines(sizing: Sizing) -> list[str]:
     """Return lines of text that report a sizing without its verdict, see `sizing_verdict_lines`.
 
-    They list unknown data, the requirements, the parts of the peak torque, the judged motors and
-    the gears.
+    They list checks that lack data, the torques and speeds that the motion requires, the parts of
+    the peak torque, the margins of all motors and those of all gears.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Requirements of the motion, and the checks of motors and gears.
+
+    Returns
+    -------
+    list of str
+        Lines of text.
     """
     confidence = "at the stated friction"
     if all(joint.band.known for joint in sizing.joints):
@@ -860,12 +966,19 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> Iterator[str]:
 def selection_lines(selection: Sequence[JsonObject]) -> Iterator[str]:
     """Yield lines on the best pairs of motor and gear for each joint.
 
-    The lines also count the pairs that a check excludes, by the name of the check.
+    The first line of a joint counts the pairs that suffice, that cannot be judged, and that do not
+    suffice. A table of the best pairs follows. The last lines count the excluded pairs by the name
+    of the check, and name the data that checks lack.
 
     Parameters
     ----------
     selection : sequence of dict
         Entry `selection` in the output of `size --json`.
+
+    Yields
+    ------
+    str
+        Line of text.
     """
     head = "motor, gear, adequate, binds, margin, g, gearhead g, mm, load/rotor inertia, to bus mJ"
     for joint in selection:
@@ -897,10 +1010,20 @@ def selection_lines(selection: Sequence[JsonObject]) -> Iterator[str]:
 
 
 def _requirements_table(sizing: Sizing) -> Table:
-    """Build the table of the required torques, speeds and powers of each joint.
+    """Build the table of the torques, speeds and powers that a motion requires of each motor.
 
-    If the uncertainty of the friction is known, the upper bounds of the torques at the stated
-    confidence are added.
+    If the drive file states the uncertainty of the friction, the upper bounds of the peak and RMS
+    torques are added in parentheses. They hold with the probability `Conditions.confidence`.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Requirements of the motion.
+
+    Returns
+    -------
+    Table
+        One row for each joint, with torques in mN·m, speeds in rpm and powers in W.
     """
     head = "joint, peak mN·m, RMS mN·m, mean mN·m, peak rpm, peak rad/s², peak W, mean W, Joule W"
     rows = []
@@ -949,8 +1072,20 @@ def _torque_parts_table(sizing: Sizing) -> Table:
 def _candidate_lines(sizing: Sizing) -> list[str]:
     """Return the table of all judged motors with the margins of their checks, as lines.
 
-    The smallest margin of the gear and the largest temperature of the winding are added. A name
-    that begins with "or" marks an alternative, which the robot file lists in addition to its motor.
+    The column "adequate" states whether the motor suffices, and "binds" names the check that
+    decides. The smallest margin of the gear and the largest temperature of the winding are added. A
+    name that begins with "or" marks an alternative, which the robot file lists in addition to its
+    motor. A star marks a motor whose file contains assumed values.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Checks of the motors.
+
+    Returns
+    -------
+    list of str
+        Lines of the table.
     """
     head = ["joint", "motor", "adequate", "binds"]
     head += [plain_words(name) for name in MOTOR_MARGINS]
@@ -981,7 +1116,10 @@ def _winding_temperature(verdict: MotorVerdict) -> str:
 
 
 def _gears_table(sizing: Sizing) -> Table:
-    """Build the table of the margins of all gears."""
+    """Build the table of the gears of all joints with the margins of their checks.
+
+    Checks without a margin, because data are missing, are left out.
+    """
     rows = []
     for joint in sizing.joints:
         margins = [
@@ -1050,12 +1188,20 @@ def _joint_verdict_text(joint: JointSizing, confidence: float) -> str:
 
 
 def simulation_tables(result: "SimulationResult") -> tuple[Table, Table]:
-    """Build the tables of a simulated playback.
+    """Build the tables of a simulated playback, that is, of the simulated execution of a plan.
+
+    Parameters
+    ----------
+    result : SimulationResult
+        Result of the simulation.
 
     Returns
     -------
-    errors, motors : Table
-        The tracking error of each driven joint, and the load of each motor.
+    errors : Table
+        Largest and RMS tracking error of each driven joint, mrad or mm.
+    motors : Table
+        For each motor: largest and permitted torque in mN·m, largest and permitted following error
+        in increments, and whether the motor saturated or the drive switched off ("tripped").
     """
     driven = [motor.joint for motor in result.motors]
     errors = [

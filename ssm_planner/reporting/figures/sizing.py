@@ -397,8 +397,9 @@ def prediction_figure(prediction: "Prediction") -> "Figure":
     """Draw the measured and the predicted motor torque over time, and the speed below.
 
     If the drive states a posterior, that is, the uncertainty of its friction, two shaded bands are
-    drawn. The wide band contains 95 % of the single torque values. The narrow band contains the
-    mean torque of the recording with a probability of 95 %.
+    drawn. The wide band contains 95 % of the single torque values. The narrow band is the predicted
+    curve, shifted so that its mean covers the interval that contains the mean torque of the
+    recording with a probability of 95 %.
 
     Parameters
     ----------

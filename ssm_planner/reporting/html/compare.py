@@ -121,7 +121,11 @@ def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
 
 
 def _durations_table(plans: tuple[Plan, Plan]) -> Table:
-    """Build the table of durations, lower bounds and the gap between them."""
+    """Build the table of the durations of both plans, their lower bounds and the gap between them.
+
+    A row contains the values of plans A and B and the change from A to B. The gap is the excess of
+    the duration over its lower bound.
+    """
     a, b = plans
     gaps = [None if plan.gap is None else 100 * plan.gap for plan in plans]
     rows = [
@@ -134,7 +138,17 @@ def _durations_table(plans: tuple[Plan, Plan]) -> Table:
 
 
 def _limits_table(certificate_a: Certificate | None, certificate_b: Certificate | None) -> Table:
-    """Build the table of the margins in both certificates, smallest margin first."""
+    """Build the table of the margins in both certificates, smallest margin first.
+
+    A margin is the distance of the motion from a limit, relative to the limit. A row contains the
+    margins of plans A and B and the difference B − A. A limit that only one plan has is listed as
+    well.
+
+    Parameters
+    ----------
+    certificate_a, certificate_b : Certificate or None
+        Certificates of both plans. None if a plan has no certificate.
+    """
     margins_a = _margins(certificate_a)
     margins_b = _margins(certificate_b)
     rows = []
@@ -164,7 +178,11 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
 
 
 def _motors_table(plans: tuple[Plan, Plan]) -> Table:
-    """Build the table of the required torques and speeds of the motors in both plans."""
+    """Build the table of the required torques and speeds of the motors in both plans.
+
+    The table has three rows for each joint: peak torque and RMS torque in mN·m, and peak speed in
+    rpm. A row contains the values of plans A and B and the change from A to B in per cent.
+    """
     requirements_a, requirements_b = (
         {item.joint: item.to_dict() for item in plan.requirements} for plan in plans
     )
@@ -203,16 +221,21 @@ def _pair_cells(a: float | None, b: float | None, relative: bool = True) -> tupl
 
 
 def _merge_panels(panels: Sequence[list[Panel]]) -> list[Panel]:
-    """Merge the panels of plans A and B into one panel for each quantity.
+    """Merge the plots of plans A and B into one plot for each quantity, such as a joint velocity.
 
-    In a merged panel, the key "side" of a limit is 0 for A and 1 for B, and selects the colour. It
-    is None for a limit that both plans have. The key "sides" lists the plans that have the
-    quantity.
+    A plot is described by a panel (see `panels`). In a merged panel, the key "side" of a limit is 0
+    for A and 1 for B, and selects the colour. It is None for a limit that both plans have. The key
+    "sides" lists the plans that have the quantity.
 
     Parameters
     ----------
     panels : sequence of list of Panel
-        Panels of each plan.
+        Panels of each plan, from `build_panels`.
+
+    Returns
+    -------
+    list of Panel
+        Panels with one quantity each, which the page draws as one curve for each plan.
     """
     merged: dict[tuple[str, str], Panel] = {}
     for side, name in enumerate(PLAN_NAMES[: len(panels)]):
@@ -236,10 +259,21 @@ def _merge_panels(panels: Sequence[list[Panel]]) -> list[Panel]:
 
 
 def _split_by_series(panel: Panel) -> Iterator[Panel]:
-    """Yield a separate panel for each curve of a panel.
+    """Yield a separate plot description (panel) for each curve of a plot.
 
-    A merged panel shows one quantity of both plans, so it cannot contain the curves of several
-    joints.
+    The comparison shows one quantity of both plans in each plot, so a plot cannot contain the
+    curves of several joints.
+
+    Parameters
+    ----------
+    panel : Panel
+        Description of a plot with one or more curves.
+
+    Yields
+    ------
+    Panel
+        Description of a plot with one curve, and with the limits and active intervals that have its
+        colour index.
     """
     for series in panel["series"]:
         joint = series["joint"]

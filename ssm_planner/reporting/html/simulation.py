@@ -1,7 +1,8 @@
-"""Write the page of a simulated playback.
+"""Write the HTML page of a simulated playback, that is, of the simulated execution of a plan.
 
 The page shows the planned and the simulated arm in one view. It also plots the tracking errors, the
-motor torques and the effect of power losses.
+motor torques and the effect of power losses. As in `panels`, a panel is the description of a plot,
+and a channel is a named series of plotted values.
 """
 
 from dataclasses import replace
@@ -84,7 +85,21 @@ def simulation_data(plan: Plan, result: SimulationResult) -> JsonObject:
     """Return the data for the scripts of the page as JSON types.
 
     Both motions are sampled on the same time grid. After its end, the plan keeps its last position.
-    If the simulation played the plan at a lower speed, the page shows the slower plan.
+    If the arm executed the plan at a lower speed in the simulation, the page shows the slower plan.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan that was simulated.
+    result : SimulationResult
+        Its simulation.
+
+    Returns
+    -------
+    dict
+        `duration` of the simulation and `ends` of both motions in s, `names` of the motions,
+        `colours`, `panels` (the descriptions of the plots), and for each motion its 3D scene in
+        `scenes` and its plotted values in `channels`. The planned motion is the first one.
     """
     if result.scenario.speed != 1.0:
         plan = replace(plan, trajectory=plan.motion.slower(result.scenario.speed))
@@ -119,12 +134,15 @@ def _simulated_channels(plan: Plan, result: SimulationResult, t: Array) -> Array
     Returns
     -------
     dict of (n,) arrays
-        Values in SI units by name of the channel, with the names of `sample_channels`. An error is
-        the simulated minus the planned value.
+        Values in SI units by name of the channel. "q", "qd" and "tau" with the index of a joint
+        are its position, its velocity and its motor torque, and "tip0" to "tip2" the coordinates of
+        the tip, as in `sample_channels`. "error" with the index of a joint is its simulated minus
+        its planned position, and "tip_error" the distance of the tip from its planned position.
+        "travel" is the travel of the tip after a loss of power at this instant.
     """
 
     def resample(values: Array) -> Array:
-        """Interpolate columns of the result (samples, k) at t, (n, k)."""
+        """Interpolate each column of an array of the result at the instants t of the page."""
         return np.column_stack([np.interp(t, result.time, column) for column in values.T])
 
     q = resample(result.q)
@@ -147,14 +165,21 @@ def _simulated_channels(plan: Plan, result: SimulationResult, t: Array) -> Array
 
 
 def _simulation_panels(plan: Plan, result: SimulationResult) -> list[Panel]:
-    """Build the panels of power losses, tip error, tracking errors and motor torques.
+    """Build the plot descriptions (panels) of power losses, tip error, joint errors and torques.
 
     Parameters
     ----------
     plan : Plan
         The plan that was simulated.
     result : SimulationResult
-        Its simulation. The panel of power losses requires several of them.
+        Its simulation. The travel after a loss of power is plotted only if the simulation contains
+        losses at several instants.
+
+    Returns
+    -------
+    list of Panel
+        One plot of power losses, one of the tip error, and for each motor one plot of the error of
+        its joint and one of its torque. Limits are in SI units.
     """
     tip = _single_channel_panel(
         "Tracking error", "Distance of the tip from the plan", "m", "tip_error"
@@ -185,20 +210,26 @@ def _simulation_panels(plan: Plan, result: SimulationResult) -> list[Panel]:
 def _single_channel_panel(
     section: str, title: str, unit: str, channel: str, sides: tuple[int, ...] = (SIMULATED,)
 ) -> Panel:
-    """Build a panel with one channel.
+    """Build the description of a plot (panel) that shows one quantity of one or both motions.
 
     Parameters
     ----------
     section : str
-        Heading under which the panel appears.
+        Heading under which the plot appears.
     title : str
-        Title of the panel.
+        Title of the plot.
     unit : str
-        SI unit of the channel.
+        SI unit of the quantity.
     channel : str
-        Name of the channel.
+        Name of the quantity, which is a key of `_simulated_channels`.
     sides : tuple of int
-        Indices of the motions that have this channel, `PLANNED` or `SIMULATED`.
+        Motions whose curves are drawn, `PLANNED` or `SIMULATED`.
+
+    Returns
+    -------
+    Panel
+        Description of the plot without limits. Its keys "channel" and "sides" contain the last two
+        arguments.
     """
     return {
         **new_panel(section, title, unit, [(channel, title, 0)]),
