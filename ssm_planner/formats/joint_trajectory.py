@@ -40,7 +40,10 @@ POINT_FIELDS = ("positions", "velocities", "accelerations", "effort")
 
 @record
 class TrajectoryMessage:
-    """A JointTrajectory with n points.
+    """A JointTrajectory message of ROS 2 with n points.
+
+    A point states the positions of all joints at one time, and optionally their velocities,
+    accelerations and efforts.
 
     Attributes
     ----------
@@ -76,6 +79,12 @@ def trajectory_message(
         They include the exact friction. A joint without a drive has its rigid-body effort.
     rigid : bool
         True if the message contains the rigid-body efforts of all joints instead.
+
+    Returns
+    -------
+    TrajectoryMessage
+        Message with one point for each spline point. It contains accelerations only if the
+        controller must join the points by quintics.
     """
     samples = points.samples
     empty: list[Sequence[float]] = [[] for _ in samples.t]
@@ -112,12 +121,17 @@ def yaml_text(message: TrajectoryMessage, comments: Sequence[str], under: str) -
 
     Parameters
     ----------
-    message : Message
+    message : TrajectoryMessage
         Message that is written.
     comments : sequence of str
         Comment lines at the beginning.
     under : str
         Key of the message. If it is empty, the message is at the top level.
+
+    Returns
+    -------
+    str
+        Text of the YAML file.
     """
     indent = "  " if under else ""
     lines = [f"# {comment}" for comment in comments]
@@ -187,7 +201,15 @@ def read_yaml_message(path: Path) -> TrajectoryMessage:
 def read_yaml_content(path: Path) -> Any:
     """Return the content of a YAML file as dictionaries and lists.
 
-    Raises TrajectoryError if the file cannot be read, or if it is too large.
+    Parameters
+    ----------
+    path : Path
+        File that is read.
+
+    Raises
+    ------
+    TrajectoryError
+        If the file cannot be read, is not valid, or is larger than `LARGEST_FILE`.
     """
     data = read_bytes(path, LARGEST_FILE)
     try:

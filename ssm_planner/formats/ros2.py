@@ -152,6 +152,9 @@ def _yaml_export(
 ) -> ExportContent:
     """Return the two YAML files of an export and their entries of the manifest.
 
+    The first file contains a JointTrajectory message, and the second file a goal with the same
+    message for the action FollowJointTrajectory.
+
     Parameters
     ----------
     message : TrajectoryMessage
@@ -228,8 +231,18 @@ def read_ros2(folder: Path, manifest: JsonObject, names: Collection[str], robot:
 def _bag_content(folder: Path) -> JsonObject:
     """Return the metadata and the messages of a rosbag2 for a comparison.
 
-    Each message is a list of its topic, its time in ns and its fields. Raises TrajectoryError if
-    the bag cannot be read.
+    A rosbag2 is a folder with recorded ROS 2 messages. Raises TrajectoryError if it cannot be read.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the bag.
+
+    Returns
+    -------
+    dict
+        Content of metadata.yaml under "metadata". "messages" is a list with the topic, the time in
+        ns and the fields of each message.
     """
     with _bag_reader(folder) as reader:
         messages = [
@@ -457,6 +470,12 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
     robot : Robot
         Robot with the joints of the messages.
 
+    Returns
+    -------
+    Reading
+        Trajectory that a controller executes for the JointTrajectory, or the trajectory through the
+        joint states.
+
     Raises
     ------
     TrajectoryError
@@ -494,8 +513,21 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
 def _bag_reader(path: Path) -> Iterator[Any]:
     """Open a rosbag2 for reading in a `with` statement.
 
-    Raises TrajectoryError if the bag cannot be read. This also applies to faults of the bag that
-    only become apparent in the body of the statement.
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag, or a file in it.
+
+    Yields
+    ------
+    rosbags.highlevel.AnyReader
+        Open reader of the messages.
+
+    Raises
+    ------
+    TrajectoryError
+        If the bag cannot be read. This also applies to faults of the bag that only become apparent
+        in the body of the `with` statement.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -519,7 +551,10 @@ def _bag_reader(path: Path) -> Iterator[Any]:
 
 
 def _message_from_ros(trajectory: Any) -> TrajectoryMessage:
-    """Convert a JointTrajectory that was read from a bag to a `TrajectoryMessage`."""
+    """Convert a JointTrajectory that was read from a bag to a `TrajectoryMessage`.
+
+    The time of each point is converted from whole seconds and nanoseconds to s.
+    """
     points = trajectory.points
     stamps = [point.time_from_start for point in points]
     time = np.array(
@@ -540,6 +575,11 @@ def _message_from_states(messages: list[Any]) -> TrajectoryMessage:
     messages : list
         JointState messages in the order of the bag. The first one determines the order of the
         joints and the start of the time.
+
+    Returns
+    -------
+    TrajectoryMessage
+        Message with one point for each joint state.
 
     Raises
     ------

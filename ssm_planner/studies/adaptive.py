@@ -85,7 +85,20 @@ def _constraint_value(trial: Any) -> tuple[float]:
 
 
 def _ask_for_design(study: Study, trial: Any) -> Design:
-    """Ask Optuna for the value of each variable, and return the design of a trial."""
+    """Ask Optuna for the value of each variable, and return the design of a trial.
+
+    Parameters
+    ----------
+    study : Study
+        Study with its variables.
+    trial : optuna.Trial
+        Trial, which is the object of Optuna for one candidate.
+
+    Returns
+    -------
+    Design
+        Value of each variable by its path.
+    """
     design: dict[str, str] = {}
     for variable in study.vary:
         if isinstance(variable, Choice):

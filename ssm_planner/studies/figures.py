@@ -1,4 +1,8 @@
-"""Draw the figures of a study: its front, and the stages that rejected candidates."""
+"""Draw the figures of a study: its Pareto front, and the stages that rejected candidates.
+
+A candidate is one of the robots that the study compares. A stage is a step of its evaluation, such
+as the test of the reach or the planning.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,8 +41,9 @@ def write_study_figures(
 ) -> Files:
     """Write the figures `front` and `map` as PNG and PDF.
 
-    The figure `front` requires at least two objectives, and the figure `map` at least two
-    variables.
+    The figure `front` shows the first two objectives of all candidates, and requires at least two
+    objectives. The figure `map` shows the state of every candidate over the first two variables,
+    and requires at least two variables.
 
     Parameters
     ----------

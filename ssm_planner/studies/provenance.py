@@ -59,6 +59,17 @@ def describe_study(study: Study) -> JsonObject:
 
     The name of the study and of its file are left out, because they do not affect the results. The
     hashes of tables that motions read are included.
+
+    Parameters
+    ----------
+    study : Study
+        Study that is described.
+
+    Returns
+    -------
+    dict
+        Fields of the study by name, the result of `describe_program` under "program", and the
+        SHA-256 of each table by its path under "tables".
     """
     inputs = {**asdict(study), "program": describe_program(), "tables": {}}
     del inputs["name"], inputs["file"]
@@ -101,6 +112,11 @@ def context_hash(description: JsonObject) -> str:
 
 def describe_differences(previous: JsonObject, current: JsonObject) -> list[str]:
     """Describe what differs between two descriptions of studies or programs.
+
+    Parameters
+    ----------
+    previous, current : dict
+        Results of `describe_study` or `describe_program`.
 
     Returns
     -------

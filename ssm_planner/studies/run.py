@@ -198,7 +198,17 @@ def study(
 
 
 def open_existing_store(folder: Path) -> Store:
-    """Open the store of the results in a folder.
+    """Open the database with the results of a study in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the results.
+
+    Returns
+    -------
+    Store
+        The open database, which the caller must close.
 
     Raises
     ------
@@ -224,7 +234,32 @@ def open_runner(
 ) -> Iterator[StudyRunner]:
     """Yield the runner of a study, and end its workers at the end of the block.
 
-    The parameters and errors are those of `study`. The audit of a study uses this function as well.
+    The audit of a study uses this function as well.
+
+    Parameters
+    ----------
+    definition : Study
+        Study that is run.
+    folder : Path
+        Folder with the store of the results.
+    workers : int or None
+        Number of worker processes. None means the number of processors.
+    executor : Executor or None
+        Executor that replaces the worker processes. It is not shut down.
+    progress : StudyProgress
+        Function that is called after each result.
+
+    Yields
+    ------
+    StudyRunner
+        Runner with an open store.
+
+    Raises
+    ------
+    ProblemError
+        If the number of workers is invalid, or if the store cannot be used.
+    ExportError
+        If the store cannot be written.
     """
     if workers is not None and not 1 <= workers <= MAX_WORKERS:
         raise ProblemError(
@@ -362,8 +397,14 @@ class StudyRunner:
     def _submit_passing(self, designs: Sequence[Design]) -> None:
         """Screen candidates, store the rejections, and send the other candidates to the workers.
 
-        Candidates with a stored result are only counted. The size of the batches follows from the
-        duration of earlier batches.
+        The screens are closed-form tests that need no planning (`screens`). Candidates with a
+        stored result are only counted. The size of the batches is chosen such that a batch takes
+        about `BATCH_DURATION`, according to the duration of earlier batches.
+
+        Parameters
+        ----------
+        designs : sequence of Design
+            Designs of the candidates with the next numbers of the search.
         """
         waiting: list[CandidateTask] = []
         unnumbered: list[tuple[int, str, Design]] = []

@@ -33,6 +33,11 @@ def load_candidates(study: Study, folder: Path) -> dict[int, Candidate]:
     folder : Path
         Folder of the results.
 
+    Returns
+    -------
+    dict of Candidate
+        Candidates with their results by number. The original robot has the number −1.
+
     Raises
     ------
     ProblemError

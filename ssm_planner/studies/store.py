@@ -89,6 +89,11 @@ class Candidate:
     def costs(self, objectives: Sequence[str]) -> list[float] | None:
         """Return the values of objectives with the sign that makes all of them costs to minimise.
 
+        Parameters
+        ----------
+        objectives : sequence of str
+            Names of results.
+
         Returns
         -------
         list of float or None
@@ -111,14 +116,22 @@ Candidates = Sequence[Candidate]
 
 
 def candidate_key(design: Fields, context: str) -> str:
-    """Return the key of a candidate in the store.
+    """Return the key that identifies a candidate in the store.
+
+    Candidates with the same values, inputs and program have the same key, so a stored result can be
+    used again.
 
     Parameters
     ----------
     design : mapping
-        Values of the candidate by path.
+        Values that distinguish the candidate from the original robot, by path.
     context : str
         Hash of the inputs of the study and of the program, see `provenance.context_hash`.
+
+    Returns
+    -------
+    str
+        First 32 digits of a SHA-256 in hexadecimal.
     """
     return hash_contents(context, _to_json(design))[:32]
 
@@ -349,7 +362,17 @@ class Store(AbstractContextManager["Store"]):
             return self._connection.execute(statement).fetchall()
 
     def _execute_many(self, statement: str, rows: Iterable[tuple[Any, ...]]) -> None:
-        """Execute a statement once for each row of parameters, in one transaction."""
+        """Execute a statement once for each row of parameters, in one transaction.
+
+        If one execution fails, none of them has an effect.
+
+        Parameters
+        ----------
+        statement : str
+            SQL statement with placeholders.
+        rows : iterable of tuple
+            Values of the placeholders for each execution.
+        """
         with self._converting_errors():
             self._connection.execute("BEGIN IMMEDIATE")
             try:
@@ -397,7 +420,12 @@ def _candidate_from_row(number: int, state: Any, *contents: Any) -> Candidate | 
     state : str
         State of the candidate.
     *contents
-        Stage, reason, design as JSON and figures as JSON.
+        Stage that rejected the candidate, reason, design as JSON, and figures (results) as JSON.
+
+    Returns
+    -------
+    Candidate or None
+        None if the state is unknown, a text is not JSON, or a figure cannot be a result.
     """
     stage, reason, design, figures = contents
     try:
@@ -429,8 +457,15 @@ def check_not_link(path: Path) -> None:
 def write_table(rows: Candidates, path: Path) -> None:
     """Write candidates as a table, as Parquet if the path ends with ".parquet", otherwise as CSV.
 
-    The columns are the attributes of the candidates, their designs and their figures. Missing
-    values are empty.
+    Each row describes one candidate. The columns are its number, state, stage and reason, the
+    values of its design, and its figures (numerical results in SI units). Missing values are empty.
+
+    Parameters
+    ----------
+    rows : sequence of Candidate
+        Candidates with their results.
+    path : Path
+        File that is written.
 
     Raises
     ------

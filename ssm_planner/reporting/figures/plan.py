@@ -47,7 +47,7 @@ SAMPLE_COUNT = 1200
 DEFAULT_WIDTH = 9.0
 """Width of the figures that `plan` writes, inches."""
 MIN_TWO_COLUMN_WIDTH = 5.0
-"""Width below which the panels form a single column, inches."""
+"""Width below which the plots of a figure form a single column, inches."""
 MIN_FIVE_ENTRY_WIDTH = 8.0
 """Width below which the legend has three instead of five columns, inches."""
 NAMED_WIDTHS = {"single": 3.5, "double": 7.16, "slide": 8.0}
@@ -59,8 +59,8 @@ MAX_LIMIT_DISTANCE = 2.0
 def motion_figure(trajectory: Trajectory, robot: Robot, width: float = DEFAULT_WIDTH) -> "Figure":
     """Draw joint positions, velocities and accelerations over time, with dashed limits.
 
-    Revolute joints are on the left, and the translation is on the right. Figures narrower than
-    `MIN_TWO_COLUMN_WIDTH` have a single column of panels.
+    Revolute joints are on the left, and the translation is on the right. In figures narrower than
+    `MIN_TWO_COLUMN_WIDTH`, the six plots form a single column.
 
     Parameters
     ----------
@@ -234,8 +234,19 @@ def write_simulation_figures(result: "SimulationResult", folder: Path) -> Files:
 def playback_figure(result: "SimulationResult") -> "Figure":
     """Draw how a simulated arm follows the plan.
 
-    The panels show over time the following errors in encoder increments, the motor torques relative
-    to the largest permitted ones, and the distance of the tip from the plan.
+    The figure has three plots over time. They show the following errors (demanded minus measured
+    motor angle) in encoder increments, the motor torques relative to the largest permitted ones,
+    and the distance of the tip from the plan.
+
+    Parameters
+    ----------
+    result : SimulationResult
+        Result of the simulation.
+
+    Returns
+    -------
+    Figure
+        Figure with three plots.
     """
     figure = new_figure(7.2, 6.6)
     errors, torques, tip = figure.subplots(3, 1, sharex=True)
@@ -261,7 +272,22 @@ def playback_figure(result: "SimulationResult") -> "Figure":
 
 
 def power_loss_figure(result: "SimulationResult") -> "Figure":
-    """Draw the tip travel and the time to standstill over the instant of the power loss."""
+    """Draw the tip travel and the time to standstill over the instant of the power loss.
+
+    The simulation contains a separate loss of power of all drives at each of these instants. The
+    travel is the largest distance of the tip from its position at the loss. The time to standstill
+    is left out where the arm does not come to rest.
+
+    Parameters
+    ----------
+    result : SimulationResult
+        Result of a simulation with power losses at several instants.
+
+    Returns
+    -------
+    Figure
+        Figure with the travel above and the time below.
+    """
     losses = result.losses
     figure = new_figure(7.2, 4.2)
     travel, standstill = figure.subplots(2, 1, sharex=True)
