@@ -62,7 +62,7 @@ MANIFEST_UNITS = {"time": "s", "position": "increments", "joints": "in the names
 COLUMN_TOLERANCE = 1e-9
 """Largest difference of equal values in a column, relative to the largest value of the column."""
 DEFAULT_GROUPS = ("q", "qd", "qdd", "angle", "speed", "torque")
-"""Groups of columns in a table at a fixed rate."""
+"""Groups of columns in a table at a fixed rate: joint states, and motor angle, speed and torque."""
 
 
 def motion_table(
@@ -452,6 +452,11 @@ def table_text(
         Values by name of the column. The first column is the time.
     forms : (str, str)
         printf format of the first column, and printf format of all other columns.
+
+    Yields
+    ------
+    str
+        Next part of the text. The parts together are the content of the file.
     """
     yield ",".join(columns) + "\n"
     values = list(columns.values())
@@ -579,6 +584,16 @@ def read_layout(path: Path) -> TableLayout:
     The header is the first line that is neither empty nor a comment. Comments begin with "#". The
     separator is the one among `SEPARATORS` that occurs most often in the header.
 
+    Parameters
+    ----------
+    path : Path
+        Text file with the table.
+
+    Returns
+    -------
+    TableLayout
+        Line of the header, separator, and names of the columns.
+
     Raises
     ------
     TrajectoryError
@@ -661,6 +676,13 @@ def read_rows(path: Path, layout: TableLayout, selected: Sequence[TableColumn]) 
 def _row_count(path: Path, layout: TableLayout) -> tuple[int, int]:
     """Count the rows of a table, and check that no row has more columns than the header.
 
+    Parameters
+    ----------
+    path : Path
+        File of the table.
+    layout : TableLayout
+        Header and separator of the table.
+
     Returns
     -------
     rows : int
@@ -731,6 +753,11 @@ def _row_error(path: Path, layout: TableLayout, message: str, start: int) -> str
         Message of numpy, which is used if every row seems to be valid.
     start : int
         Index of the first row to examine.
+
+    Returns
+    -------
+    str
+        Message with the file, the line and the fault.
     """
     width = len(layout.names)
     for k, line in islice(_data_lines(path, layout), start, None):
@@ -821,9 +848,23 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
 
 @contextmanager
 def _open_text(path: Path) -> Iterator[TextIO]:
-    """Open a text file for reading.
+    """Open a text file for reading in a `with` statement.
 
-    Raises TrajectoryError if the file cannot be read, or if it is not a text in UTF-8.
+    Parameters
+    ----------
+    path : Path
+        File that is opened.
+
+    Yields
+    ------
+    TextIO
+        The open file.
+
+    Raises
+    ------
+    TrajectoryError
+        If the file cannot be read, or if it is not a text in UTF-8. This also applies to reading in
+        the body of the statement.
     """
     try:
         with path.open(encoding="utf-8-sig") as file:

@@ -96,6 +96,11 @@ def drive_axes(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
         Increments per motor turn (4 × encoder counts), for all joints or by joint. The default
         comes from the motor files.
 
+    Returns
+    -------
+    dict of Axis
+        Units, direction of rotation and rated torque of each drive, by name of its joint.
+
     Raises
     ------
     ExportError

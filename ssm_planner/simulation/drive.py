@@ -133,6 +133,11 @@ def with_blocked_motor(
     w, load, tau, h : ca.SX, ca.SX, ca.SX, float
         Motor speed before the step in rad/s, effort on the output in N·m or N, motor torque in N·m,
         and duration of the step in s.
+
+    Returns
+    -------
+    DriveStep
+        Step with final motor speed 0 for a blocked motor, and `step` for a free motor.
     """
     xp = namespace_of(blocked, w, tau, load)
     mean = 0.5 * w

@@ -485,7 +485,18 @@ class _Simulation:
         self.commands = self._commands(prescribed)
 
     def arm(self, payload: float) -> ControlledArm:
-        """Return the simulated arm with a point mass in kg at its tip. It is built on first use."""
+        """Return the simulated arm with a payload, which is built on first use.
+
+        Parameters
+        ----------
+        payload : float
+            Point mass at the tip, kg.
+
+        Returns
+        -------
+        ControlledArm
+            Arm with the compliance of the scenario. Its springs do not depend on the payload.
+        """
         if payload not in self.arms:
             springs = robot_compliance(self.plan.robot, self.controller, self.scenario.compliance)
             robot = with_payload(self.plan.robot, payload)
@@ -854,7 +865,16 @@ def _encoder_counts(robot: Robot, controller: Controller) -> dict[str, int]:
 def _failure_reasons(result: SimulationResult) -> list[str]:
     """Return the reasons why a simulation failed, as sentences.
 
-    The list is empty if the simulation passed. A simulation that diverged has only this reason.
+    Parameters
+    ----------
+    result : SimulationResult
+        Simulated motion without reasons.
+
+    Returns
+    -------
+    list of str
+        Reasons, in the order of motors, tip error, random frictions and losses of power. Empty if
+        the simulation passed. A simulation that diverged has only this reason.
     """
     scenario = result.scenario
     reasons = []

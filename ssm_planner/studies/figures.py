@@ -89,7 +89,7 @@ def _plot_front(
     Parameters
     ----------
     axes : Axes
-        Panel of matplotlib.
+        Plot of matplotlib in which the function draws.
     rows : sequence of Candidate
         Results of all candidates.
     reference : Candidate
@@ -123,7 +123,7 @@ def _plot_map(axes: "Axes", study: Study, rows: Candidates) -> None:
     Parameters
     ----------
     axes : Axes
-        Panel of matplotlib.
+        Plot of matplotlib in which the function draws.
     study : Study
         Study with at least two variables.
     rows : sequence of Candidate

@@ -141,6 +141,11 @@ def study_from(section: Section) -> Study:
     section : Section
         Content of the file. It knows the lines of its keys, which errors state.
 
+    Returns
+    -------
+    Study
+        The study with the contents of all files that it names.
+
     Raises
     ------
     ProblemError
@@ -215,9 +220,20 @@ def _load_motions(section: Section, names: Sequence[str]) -> JsonObject:
 
 
 def resolved_robot_content(robot: Section) -> JsonObject:
-    """Return the content of a robot file that does not depend on other files.
+    """Return the content of a robot file in a form that does not depend on other files.
 
-    The contents of drive and motor files replace their names. The view uses this function as well.
+    The contents of drive and motor files replace the names of these files. The interactive view of
+    a robot uses this function as well.
+
+    Parameters
+    ----------
+    robot : Section
+        Content of the robot file.
+
+    Returns
+    -------
+    dict
+        Content with the contents of all drives and motors.
 
     Raises
     ------
@@ -252,6 +268,11 @@ def _parse_variable(section: Section, path: str, robot: JsonObject) -> Variable:
         Key of the entry, which is a path of the robot file.
     robot : dict
         Content of the robot file.
+
+    Returns
+    -------
+    Varied or Choice
+        A range of a quantity, or a choice among several entries.
 
     Raises
     ------
@@ -294,6 +315,12 @@ def _listed_contents(section: Section, key: str) -> JsonObject:
         Last key of the path, such as "motor". A text in a list of drives or motors names a file,
         and the content of this file replaces the text.
 
+    Returns
+    -------
+    dict
+        Content of each entry by its name. The name is the key `name` of the entry, the text of the
+        entry, or the index of an entry without a name.
+
     Raises
     ------
     ProblemError
@@ -316,10 +343,11 @@ def _check_selection(
 ) -> None:
     """Check the entries of a study file that select a motor or a gear instead of searching it.
 
-    For such an entry, each candidate receives the best part of a catalogue, ranked for instance by
-    mass, that suffices for its motion. At least one other entry must be searched. Only motors and
-    gears can be selected. The pace, a factor by which the motions may be slowed for the selection,
-    must be at least 1, and it has an effect only if a part is selected.
+    For such an entry, each candidate receives the best motor or gear of a catalogue, ranked for
+    instance by mass, that can execute all its motions. At least one other entry must be searched.
+    Only motors and gears can be selected. The pace is a factor by which the durations of the
+    motions may grow, so that weaker motors and gears suffice. It must be at least 1, and it has an
+    effect only if a motor or gear is selected.
 
     Parameters
     ----------
@@ -368,7 +396,19 @@ def _is_valid_pace(variable: Variable) -> bool:
 
 
 def _parse_range(section: Section, path: str) -> Varied:
-    """Convert the keys `from` and `to` to a range.
+    """Convert the keys `from` and `to` of an entry of `vary` to a range.
+
+    Parameters
+    ----------
+    section : Section
+        Content of the entry. Both keys have a number and the same unit, such as "26 deg".
+    path : str
+        Path of the quantity in the robot file.
+
+    Returns
+    -------
+    Varied
+        Range of the quantity in the unit of the file.
 
     Raises
     ------
@@ -434,6 +474,13 @@ def _check_first_candidate(section: Section, study: Study) -> None:
 
     An invalid value is thus reported with its line before any candidate is evaluated. Errors that
     no path of the study explains are ignored here, because other candidates may still be valid.
+
+    Parameters
+    ----------
+    section : Section
+        Content of the study file, for messages.
+    study : Study
+        Study whose first candidate is built.
 
     Raises
     ------

@@ -229,14 +229,20 @@ def mechanism_still(plan: Plan) -> JsonObject:
 def _film_frames(plan: Plan, speed: float) -> Iterator[Image]:
     """Yield the pictures of a film, with a common palette of 64 colours.
 
-    The left panel shows the arm. If there is an eye, the right panel shows the tool in the eye.
+    The left half of a picture shows the arm. If the plan has an eye, the right half shows the tool
+    in the eye. Otherwise, the arm fills the picture.
 
     Parameters
     ----------
     plan : Plan
         Plan that is filmed.
     speed : float
-        Playback speed relative to the planned speed.
+        Speed of the film relative to the planned speed.
+
+    Yields
+    ------
+    Image
+        Picture with a palette. There are `FRAME_RATE` pictures per second of the film.
     """
     from PIL import Image
 
@@ -292,7 +298,7 @@ def _draw_eye(axes: Axes, eye: Eye) -> None:
     Parameters
     ----------
     axes : Axes
-        Panel of matplotlib, in m in the plane of the picture.
+        Plot of matplotlib in which the function draws, in m in the plane of the picture.
     eye : Eye
         Eye in the base frame.
     """

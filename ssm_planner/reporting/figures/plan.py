@@ -136,7 +136,7 @@ def _draw_limit(axes: "Axes", ends: Range, values: Array) -> None:
     Parameters
     ----------
     axes : Axes
-        Panel of matplotlib.
+        Plot of matplotlib in which the function draws.
     ends : (float, float)
         Lower and upper bound in the unit of the panel.
     values : (n,) array

@@ -166,7 +166,7 @@ def _draw_operating_region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizin
     Parameters
     ----------
     axes : Axes
-        Panel of matplotlib.
+        Plot of matplotlib in which the function draws.
     verdict : MotorVerdict
         Verdict on the motor, with the load of its joint.
     sizing : Sizing
@@ -238,7 +238,7 @@ def _draw_torque_curve(axes: "Axes", joint: "JointSizing", confidence: float) ->
     Parameters
     ----------
     axes : Axes
-        Panel of matplotlib.
+        Plot of matplotlib in which the function draws.
     joint : JointSizing
         Sizing of the joint.
     confidence : float
@@ -333,7 +333,7 @@ def _draw_bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels
     Parameters
     ----------
     axes : Axes
-        Panel of matplotlib.
+        Plot of matplotlib in which the function draws.
     drive : Drive
         Drive with its friction.
     w : (n,) array

@@ -141,7 +141,7 @@ def finish_axes(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
     Parameters
     ----------
     axes : Axes
-        Panel of matplotlib.
+        Plot of matplotlib in which the function draws.
     x, y : str
         Labels of the axes.
     title : str, optional
@@ -334,7 +334,7 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
     Parameters
     ----------
     axes : Axes
-        Panel of matplotlib.
+        Plot of matplotlib in which the function draws.
     trajectory : Trajectory
         Motion that is drawn.
     with_names : bool

@@ -82,7 +82,21 @@ def publish_figures(figures: "Mapping[str, Figure]", directory: str | Path) -> F
 
 
 def axes_figure(mechanism: Mechanism) -> "Figure":
-    """Draw the joint axes at q = 0, which meet in the remote centre, and their angles."""
+    """Draw the joint axes at q = 0, which meet in the remote centre of motion (RCM).
+
+    Arcs show the angle α between the axes ω1 and ω2, the angle β between ω2 and ω3, and the tilt φ
+    between ω1 and ω3. An arrow shows the direction of insertion.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Kinematics of the robot.
+
+    Returns
+    -------
+    Figure
+        Figure with one plot in three dimensions.
+    """
     figure = new_figure(5.2, 4.6)
     axes = figure.add_subplot(projection="3d")
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
@@ -154,7 +168,18 @@ def reachable_set_figure(mechanism: Mechanism) -> "Figure":
 def theta2_figure(mechanism: Mechanism) -> "Figure":
     """Draw the position θ2 of joint 2 over the tilt on both branches of the inverse kinematics.
 
-    The branches meet at the ends of the tilt range.
+    Each tilt is reached at two positions of joint 2, which are called branches. They meet at the
+    ends of the tilt range.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Kinematics of the robot.
+
+    Returns
+    -------
+    Figure
+        Figure with one plot.
     """
     figure = new_figure(6.0, 4.2)
     axes = figure.add_subplot()
@@ -177,7 +202,18 @@ def theta2_figure(mechanism: Mechanism) -> "Figure":
 def joint_speed_figure(mechanism: Mechanism) -> "Figure":
     """Draw the joint speeds per tilt speed, and the smallest singular value of the Jacobian.
 
-    The horizontal axis is the tilt. Roll and spin are constant.
+    The horizontal axis is the tilt φ. The upper plot shows |dθᵢ/dφ| of joints 1 to 3 on the branch
+    of the inverse kinematics that contains the home position, while roll and spin are constant.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Kinematics of the robot.
+
+    Returns
+    -------
+    Figure
+        Figure with two plots.
     """
     figure = new_figure(6.0, 5.6)
     speeds, singular = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
@@ -223,6 +259,11 @@ def design_region_figure(
         Another design (α, β) to mark, rad.
     size : (float, float)
         Width and height of the figure, inches.
+
+    Returns
+    -------
+    Figure
+        Figure with one plot of β over α. Each margin has its own shade.
     """
     from matplotlib.patches import Polygon
 
@@ -258,7 +299,17 @@ def design_region_figure(
 
 
 def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
-    """Draw the unit sphere as a grid, with the reachable band, its boundary and the joint axes."""
+    """Draw the unit sphere as a grid, with the joint axes and the directions that the tool reaches.
+
+    The reachable directions form a band between two circles of constant tilt.
+
+    Parameters
+    ----------
+    axes : Axes3D
+        Plot of matplotlib in which the function draws.
+    mechanism : Mechanism
+        Kinematics of the robot.
+    """
     ends = np.abs(tilt_interval(mechanism))
     around = np.linspace(0.0, 2.0 * np.pi, 121)
     for tilt in np.linspace(0.0, np.pi, 13):
@@ -283,7 +334,15 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
 def _draw_section(axes: Any, mechanism: Mechanism) -> None:
     """Draw the section of the unit sphere that contains the axis ω1 and the tool at roll 0.
 
-    The axis ω1 points to the right, where the tilt is 0. The side of the home position is bold.
+    The axis ω1 points to the right, where the tilt is 0. The tilt range at roll 0 is bold, and that
+    at roll 180° is grey. A dashed line shows the home position.
+
+    Parameters
+    ----------
+    axes : Axes
+        Plot of matplotlib in which the function draws.
+    mechanism : Mechanism
+        Kinematics of the robot.
     """
 
     def ray(tilt: float) -> Array:

@@ -1,4 +1,6 @@
-"""Build the scene of the 3D view: axes, links, tilt band and eye.
+"""Build the scene of the 3D view: axes, links, tilt bands and eye.
+
+A tilt band is the part of a sphere around the RCM that the tool axis reaches.
 
 All coordinates are in m in the base frame, whose origin is the remote centre of motion (RCM).
 """
