@@ -77,7 +77,7 @@ class ExportContent:
 def file_name_suffix(manifest: JsonObject) -> str:
     """Return the suffix in the names of all files of an export.
 
-    It is `UNVERIFIED_SUFFIX` unless the manifest states that the plan was verified.
+    The suffix is `UNVERIFIED_SUFFIX` unless the manifest states that the plan was verified.
     """
     return "" if manifest.get("verified") is True else UNVERIFIED_SUFFIX
 
@@ -194,8 +194,15 @@ def first_difference(actual: Any, derived: Any, location: str) -> str | None:
 def _nearly_equal(actual: Any, derived: Any) -> bool:
     """Return True if two JSON values are equal, with tolerances for numbers.
 
-    The tolerances also apply to numbers with a decimal point within texts. The rest of two texts
-    must be the same, and values of different types are different.
+    The tolerances are `RELATIVE_TOLERANCE` and `ABSOLUTE_TOLERANCE`. They also apply to numbers
+    with a decimal point within texts. The rest of two texts must be the same. An integer and a
+    float may be equal, but all other values of different types are different.
+
+    Parameters
+    ----------
+    actual, derived : JSON values
+        Value in the folder, and value that follows from the motion. Neither is a dictionary, and
+        at most one of them is a list, or both are lists of different lengths.
     """
     if isinstance(actual, str) and isinstance(derived, str):
         if DECIMAL_NUMBER.sub("", actual) != DECIMAL_NUMBER.sub("", derived):
@@ -213,6 +220,11 @@ def _without_explanations(text: str) -> list[Any]:
 
     Comments are lines that start with "#". Explanations are the columns of a CSV table whose names
     are in `EXPLANATORY_KEYS`.
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
 
     Returns
     -------

@@ -154,12 +154,19 @@ class Setpoints:
         return np.arange(float(len(self.q))) * (self.period / 1000)
 
     def content(self, suffix: str) -> ExportContent:
-        """Return the files and the entries of the manifest.
+        """Return the files of the export folder and the entries of its manifest.
 
         Parameters
         ----------
         suffix : str
             Text that marks unverified files, before the extension.
+
+        Returns
+        -------
+        ExportContent
+            For each driven joint, a file with its setpoints and, in mode csp, a file with time and
+            position. For each other joint, a file with its positions. Also a file with the setup
+            objects of all drives, and the entries of the manifest.
 
         Raises
         ------
@@ -226,6 +233,11 @@ class Setpoints:
         point_name : str
             Template for the name of a setpoint in messages. Its field `{}` is the index of the
             setpoint.
+
+        Returns
+        -------
+        Reading
+            Trajectory of straight lines, and the checks of the offsets (`offset_checks`).
         """
         q, resolution, offsets = self.rounded_joint_values()
         points = Points(self.t, q, resolution=resolution, point_name=point_name.format)
@@ -237,7 +249,7 @@ class Setpoints:
         """Convert the integers that the drives receive back to quantities of the joints.
 
         The drives receive positions in encoder increments, and offsets of velocity and torque,
-        which they add as feed-forward. Rounding to integers changes all of them.
+        which they may use as feed-forward. Rounding to integers changes all of them.
 
         Returns
         -------
@@ -293,6 +305,13 @@ def _check_acceptance(plan: Plan, points: Setpoints) -> None:
 
     Rounding to increments, or straight lines between distant setpoints, can exceed a limit that the
     plan itself keeps.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is exported.
+    points : Setpoints
+        Setpoints of the plan in the mode csp.
     """
     certificate = points.to_reading("setpoint {}").check(plan.robot, points.limits)
     if certificate.violations:
@@ -343,9 +362,9 @@ def period_ms(rate: float) -> int:
 
 
 def _end_velocity_notes(plan: Plan) -> list[str]:
-    """Return a note that names the joints that still move at the end of a plan.
+    """Return a note for the manifest that names the joints that still move at the end of a plan.
 
-    The result is empty if the plan ends at rest.
+    The list has one entry, or none if the plan ends at rest.
     """
     velocities = end_velocities(plan.motion)[1]
     if np.abs(velocities).max() <= REST_SPEED:

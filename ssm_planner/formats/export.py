@@ -145,12 +145,12 @@ def export(
 
 
 def slowed_plan(plan: Plan, speed: float, is_verified: bool) -> Plan:
-    """Return the plan played at a fraction of its speed.
+    """Return a plan whose motion is slowed down to a fraction of its speed.
 
     Parameters
     ----------
     plan : Plan
-        Plan that is played more slowly.
+        Plan that is slowed down.
     speed : float
         Fraction of the speed, in (0, 1].
     is_verified : bool

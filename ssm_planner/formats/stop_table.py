@@ -178,6 +178,11 @@ def _recorded_stops(
     path : Path
         File of the table, for messages.
 
+    Yields
+    ------
+    Reading
+        Motion of one stop, with straight lines between its rows.
+
     Raises
     ------
     TrajectoryError

@@ -60,8 +60,9 @@ def identify_columns(
 
     Returns
     -------
-    columns : dict of Heading
-        Columns by (derivative 0 to 2, joint 0 to 3). The time has the key (−1, 0).
+    columns : dict of TableColumn
+        Columns by the order of the derivative (0 for positions, 1 for velocities, 2 for
+        accelerations) and the index of the joint from 0. The time has the key (−1, 0).
     ignored : list of str
         Names of the unused columns.
 
@@ -132,6 +133,13 @@ def _check_complete(
 
 def _parse_heading(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     """Determine the quantity and the unit of a column from its name.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column with its unit, such as "q1_rad" or "roll [deg]".
+    robot : Robot
+        Robot with the names of the joints.
 
     Returns
     -------

@@ -138,7 +138,7 @@ def _draw_limit(axes: "Axes", ends: Range, values: Array) -> None:
     axes : Axes
         Plot of matplotlib in which the function draws.
     ends : (float, float)
-        Lower and upper bound in the unit of the panel.
+        Lower and upper bound in the unit of the plot.
     values : (n,) array
         Values of the curve.
     """
@@ -157,8 +157,8 @@ def motors_figure(
 ) -> "Figure":
     """Draw the motor torque over time and over motor speed for every driven joint.
 
-    The panels also state the RMS torque and the ratings of the motor. Figures narrower than
-    `MIN_TWO_COLUMN_WIDTH` have a single column of panels.
+    Each joint has two plots, which also show the RMS torque and the ratings of the motor. In
+    figures narrower than `MIN_TWO_COLUMN_WIDTH`, the plots form a single column.
 
     Parameters
     ----------

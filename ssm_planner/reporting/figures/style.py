@@ -65,7 +65,7 @@ def joint_label(name: str) -> str:
 def new_figure(width: float, height: float) -> "Figure":
     """Create an empty figure that does not use pyplot's global state.
 
-    Matplotlib arranges the panels when it draws the figure, so that all labels fit.
+    Matplotlib arranges the plots in the figure when it draws the figure, so that all labels fit.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def new_panels(
     gaps: Sequence[float],
     **options: Any,
 ) -> "tuple[Figure, NDArray[Any]]":
-    """Create a figure with panels at fixed positions.
+    """Create a figure with empty plots (panels) at fixed positions.
 
     An automatic layout would take longer than the drawing itself.
 
@@ -95,9 +95,9 @@ def new_panels(
     width, height : float
         Size of the figure, inches.
     rows, columns : int
-        Numbers of rows and columns of panels.
+        Numbers of rows and columns of plots.
     edges : (4,)
-        Space to the left, to the right, below and above the panels, inches.
+        Space to the left, to the right, below and above all plots, inches.
     gaps : (2,)
         Space between columns and between rows, inches.
     **options
@@ -108,7 +108,7 @@ def new_panels(
     figure : Figure
         The figure.
     panels : (rows, columns) array
-        Axes of the panels.
+        Plots, which are objects `Axes` of matplotlib.
     """
     figure = _empty_figure(width, height)
     left_edge, right_edge, bottom_edge, top_edge = edges
@@ -136,7 +136,7 @@ def _empty_figure(width: float, height: float) -> "Figure":
 
 
 def finish_axes(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
-    """Add labels and a light grid to a panel, and remove its frame at the top and on the right.
+    """Add labels and a light grid to a plot, and remove its frame at the top and on the right.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def finish_axes(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
     x, y : str
         Labels of the axes.
     title : str, optional
-        Text above the panel.
+        Text above the plot.
     """
     axes.set_xlabel(x, fontsize=FONT_SIZE)
     axes.set_ylabel(y, fontsize=FONT_SIZE)
@@ -287,6 +287,16 @@ def _render_png(figure: "Figure") -> bytes:
 
     The palette reduces the file to a third of its size. Python's zlib compresses the image, because
     the output of Pillow's own compressor depends on the processor.
+
+    Parameters
+    ----------
+    figure : Figure
+        Figure that is rendered.
+
+    Returns
+    -------
+    bytes
+        Content of the PNG file.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
@@ -317,7 +327,7 @@ def _png_chunk(chunk_type: bytes, content: bytes) -> bytes:
 
 
 def draw_legend(axes: "Axes", fontsize: float = FONT_SIZE - 1, **options: Any) -> None:
-    """Draw a legend inside a panel. Further options are those of `Axes.legend`."""
+    """Draw a legend inside a plot. Further options are those of `Axes.legend`."""
     axes.legend(fontsize=fontsize, frameon=False, **options)
 
 
@@ -329,7 +339,7 @@ def draw_zero_lines(axes: "Axes", down: bool = False) -> None:
 
 
 def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = False) -> None:
-    """Shade every second phase in a panel whose horizontal axis is the time in s.
+    """Shade every second phase of a motion in a plot whose horizontal axis is the time in s.
 
     Parameters
     ----------
@@ -338,7 +348,7 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
     trajectory : Trajectory
         Motion that is drawn.
     with_names : bool
-        Write the name of each phase above the panel, in the longest form that fits.
+        Write the name of each phase above the plot, in the longest form that fits.
     """
     size = FONT_SIZE - 1
     inches = (
@@ -372,7 +382,19 @@ def fit_phase_name(name: str, letters: int) -> str:
 def draw_legend_above(
     figure: "Figure", axes: "Axes", columns: int, size: float = FONT_SIZE
 ) -> None:
-    """Draw the legend of one panel above all panels of a figure, in several columns."""
+    """Draw the legend of one plot above all plots of a figure, in several columns.
+
+    Parameters
+    ----------
+    figure : Figure
+        Figure with one or more plots.
+    axes : Axes
+        Plot of the figure whose curves the legend explains.
+    columns : int
+        Number of columns of the legend.
+    size : float
+        Size of the font, points.
+    """
     figure.legend(
         *axes.get_legend_handles_labels(),
         loc="outside upper center",

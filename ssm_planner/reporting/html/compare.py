@@ -140,9 +140,9 @@ def _durations_table(plans: tuple[Plan, Plan]) -> Table:
 def _limits_table(certificate_a: Certificate | None, certificate_b: Certificate | None) -> Table:
     """Build the table of the margins in both certificates, smallest margin first.
 
-    A margin is the distance of the motion from a limit, relative to the limit. A row contains the
-    margins of plans A and B and the difference B − A. A limit that only one plan has is listed as
-    well.
+    A margin is the smallest distance of the motion from a limit, relative to the limit. A row
+    contains the margins of plans A and B and the difference B − A. A limit that only one plan has
+    is listed as well.
 
     Parameters
     ----------

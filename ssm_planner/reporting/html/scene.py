@@ -1,6 +1,7 @@
 """Build the scene of the 3D view: axes, links, tilt bands and eye.
 
-A tilt band is the part of a sphere around the RCM that the tool axis reaches.
+A tilt band is the part of a sphere around the RCM through which the tool axis can pass, because of
+the geometry of the robot or because of the limits of the task.
 
 All coordinates are in m in the base frame, whose origin is the remote centre of motion (RCM).
 """
@@ -69,9 +70,10 @@ def mechanism_scene(
 
 
 def tilt_band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
-    """Return the band of a sphere about the RCM that the tool axis reaches.
+    """Return the part of a sphere around the RCM through which the tool axis passes.
 
-    The vertices of the band form a grid whose rows have equal tilt.
+    The part belongs to given ranges of tilt and roll, and is called a tilt band. Its vertices form
+    a grid whose rows have equal tilt.
 
     Parameters
     ----------
