@@ -328,7 +328,12 @@ def _ros_joint_state(t: float, names: Sequence[str], q: Array, qd: Array) -> Any
     names : sequence of str
         Names of the joints.
     q, qd : (4,) arrays
-        Positions and velocities of the joints.
+        Positions (rad, m) and velocities (rad/s, m/s) of the joints.
+
+    Returns
+    -------
+    object
+        Object with the fields of the message as attributes.
     """
     return SimpleNamespace(
         header=_ros_header(t, "base"),
@@ -358,7 +363,12 @@ def _ros_transforms(t: float, poses: Iterator[tuple[str, str, Array, Array]]) ->
     t : float
         Time of the poses, s.
     poses : iterator
-        Result of `link_poses`.
+        Result of `link_poses`: names of parent and child, rotation and translation of each link.
+
+    Returns
+    -------
+    object
+        Object with the fields of the message as attributes.
     """
     transforms = []
     for parent, child, turn, shift in poses:

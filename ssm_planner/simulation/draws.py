@@ -25,7 +25,7 @@ PROGRESS_INTERVAL = 1000
 
 @record
 class Draws:
-    """Results of n playbacks with random friction, in SI units.
+    """Results of n simulations of the same motion (playbacks) with random friction, in SI units.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Write a simulated playback in the format of the recorder of the drives (EPOS Studio).
+"""Write a simulated motion in the format of the recorder of the drives (EPOS Studio).
 
 The commands `compare` and `identify` read these files, so both can be tested without hardware.
 """
@@ -54,6 +54,11 @@ def write_recording(
         File that is written.
     sampling : float
         Sampling period, s.
+
+    Returns
+    -------
+    Path
+        The path of the file.
 
     Raises
     ------

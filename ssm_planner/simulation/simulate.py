@@ -71,7 +71,10 @@ EVERYWHERE: Literal["everywhere"] = "everywhere"
 
 @frozen
 class Scenario:
-    """Conditions and disturbances of a simulated playback, which can be combined.
+    """Conditions and disturbances of the simulated execution of a plan (playback).
+
+    All of them can be combined, except random friction (`draws`) with a payload that the arm picks
+    up during the motion.
 
     Examples
     --------
@@ -82,7 +85,7 @@ class Scenario:
     """
 
     speed: float = 1.0
-    """Speed of the playback as a share of the planned speed."""
+    """Speed of the simulated motion, as a fraction of the planned speed."""
     payload: float = 0.0
     """Point mass at the tip, kg."""
     payload_time: float = 0.0
@@ -283,9 +286,10 @@ class PowerLosses:
 
 @record
 class SimulationResult:
-    """Simulated playback at n instants, with the planned motion and the verdict.
+    """Simulated execution of a plan (playback) at n instants, with the planned motion.
 
-    Arrays are (n, 4) unless stated otherwise, in SI units.
+    Arrays are (n, 4) with one column for each joint, unless stated otherwise, and in SI units. The
+    property `passed` states the verdict, and `reasons` explains a failure.
 
     Examples
     --------
@@ -414,7 +418,7 @@ def simulate(
     Raises
     ------
     ProblemError, TrajectoryError, ExportError
-        If the plan cannot be played in this scenario.
+        If the plan cannot be simulated in this scenario.
 
     Examples
     --------
@@ -452,7 +456,7 @@ class _Simulation:
         Parameters
         ----------
         plan : Plan
-            Plan that is played, already slowed to the speed of the scenario.
+            Plan that the arm executes, already slowed to the speed of the scenario.
         scenario : Scenario
             Conditions and disturbances.
         controller : Controller

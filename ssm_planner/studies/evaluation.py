@@ -427,11 +427,12 @@ def _remove_selected_motors(study: Study, problem: Problem) -> Problem:
 def select_components(
     study: Study, problems: ProblemByMotion, motions: TrajectoryByMotion, slowdown: float
 ) -> dict[str, str]:
-    """Select a motor and a gear for each joint with such a choice.
+    """Select a motor and a gear for each joint whose motor or gear comes from a catalogue.
 
-    For each joint, the function takes the first pair of motor and gear, in the order of the rank,
-    that keeps the motor margin of the study in every motion. It first judges the entire catalogue
-    with arrays. Only the first remaining pairs undergo all checks, such as the check of heat.
+    For each joint, the function takes the first pair of motor and gear, in the order of the rank
+    (such as mass), that keeps the motor margin of the study in every motion. It first judges all
+    pairs of the catalogues at once by the checks that arrays permit. It then applies all checks,
+    such as that of heat, to one remaining pair after the other until a pair passes.
 
     Parameters
     ----------

@@ -387,7 +387,12 @@ def format_result(name: str, results: Fields) -> str:
     name : str
         Name of the result.
     results : mapping
-        Figures of a candidate.
+        Results of a candidate in SI units, by name.
+
+    Returns
+    -------
+    str
+        Name in words, value with four digits in the display unit, and unit.
     """
     value = format_number(displayed_result(name, results), 4)
     return f"{plain_words(name)} {value} {result_unit(name)[0]}".strip()

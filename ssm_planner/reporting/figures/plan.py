@@ -1,4 +1,7 @@
-"""Draw the figures of a plan: motion with limits, motor requirements, and simulated playback."""
+"""Draw the figures of a plan: its motion with limits, the motor requirements, and its simulation.
+
+A playback is the simulated execution of a plan by the arm and its motor controllers.
+"""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -534,6 +534,16 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
 
     They show the task coordinates roll, tilt, spin and depth, those of their rates that have a
     limit, the tool speeds, and the clearances in the eye.
+
+    Parameters
+    ----------
+    limits : TaskLimits
+        Limits of the task, which the plots show as lines.
+
+    Yields
+    ------
+    Panel
+        Description of a plot with limits in SI units.
     """
     for indices, unit, title in COORDINATE_GROUPS:
         series = [(f"task{i}", TASK_COORDINATES[i], i) for i in indices]
