@@ -201,8 +201,8 @@ def _nearly_equal(actual: Any, derived: Any) -> bool:
     Parameters
     ----------
     actual, derived : JSON values
-        Value in the folder, and value that follows from the motion. Neither is a dictionary, and
-        at most one of them is a list, or both are lists of different lengths.
+        Value in the folder, and value that follows from the motion. `first_difference` itself
+        compares two dictionaries, and two lists of the same length.
     """
     if isinstance(actual, str) and isinstance(derived, str):
         if DECIMAL_NUMBER.sub("", actual) != DECIMAL_NUMBER.sub("", derived):

@@ -99,6 +99,7 @@ def motor_electrics(joint: Joint, controller: Controller) -> MotorElectrics:
     Returns
     -------
     MotorElectrics
+        Torque constant, winding resistance, voltage, largest current, and lag of the current.
 
     Raises
     ------

@@ -73,7 +73,10 @@ class Screens:
         self._joint_options = self._optional_joints()
 
     def reject(self, designs: Sequence[Design]) -> Rejections:
-        """Apply all screens to candidates.
+        """Reject candidates that fail a closed-form test (screen) of reach, drives or motors.
+
+        The test of the motors is left out if bodies or gravity differ between candidates, because
+        it needs the weight.
 
         Parameters
         ----------

@@ -221,7 +221,8 @@ PLAN_FIGURES: "dict[str, Callable[..., Figure]]" = {
 def write_simulation_figures(result: "SimulationResult", folder: Path) -> Files:
     """Write the figures of a simulation as PNG and PDF, and return their paths by name.
 
-    The figures are "playback" and, if the simulation contains several power losses, "power_loss".
+    The figures are "playback" (`playback_figure`) and, if the simulation contains several power
+    losses, "power_loss" (`power_loss_figure`).
 
     Raises
     ------
