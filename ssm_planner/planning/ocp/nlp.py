@@ -4,11 +4,17 @@ These values are the common language of the optimal control problems (`free_prob
 which create them, and of the solvers (`transcription` with Ipopt, `structured`), which read them.
 
 Time is divided into n intervals, called elements. In an element, each of the m coordinates u (the
-path parameter s, or the moving joints) is a cubic polynomial of time. Borders divide the elements
-into k segments. A border is a point where u is given, or a free position where a joint reverses.
-The elements are also grouped into b blocks. The duration of a block is an unknown, and its elements
-share it in fixed proportion. All lengths and times are scaled: u by units of length, and time by
-about the duration of the motion.
+path parameter s, or the moving joints) is a cubic polynomial of time. Arrays of elements have the
+shape (n, 4 m + 1), because a row contains four numbers for each coordinate (u, u̇ and ü at the start
+of the element, ü at its end), and the length of the element, that is, its duration.
+
+Borders divide the elements into k segments. A border is a point where u is given, or a free
+position where a joint reverses. The elements are also grouped into b blocks. The duration of a
+block is an unknown, and its elements share it in fixed proportion. All lengths and times are
+scaled: u by units of length, and time by about the duration of the motion.
+
+The functions of one element, which give its path constraints and its cost, are called the element
+model (`elements.element.ElementModel`).
 """
 
 from collections.abc import Sequence
@@ -35,7 +41,9 @@ to estimate the duration.
 MAX_BLOCK_ELEMENTS = 20
 """Largest number of elements of a block.
 
-An arc with more elements is divided into several blocks, whose durations may differ.
+An arc, that is, the part of a motion between two instants at which the acceleration of a joint
+changes its value, may have more elements. It is then divided into several blocks, whose durations
+may differ.
 """
 
 
@@ -43,8 +51,9 @@ An arc with more elements is divided into several blocks, whose durations may di
 class NlpStructure:
     """Numbers of elements, segments and blocks, and the kinds of constraints of a program.
 
-    Apart from the element model, the expressions of a program depend on nothing else. Programs with
-    the same structure and element model therefore share their compiled functions.
+    These numbers, together with the functions of one element (the element model), determine all
+    expressions of the program. Programs with the same structure and element model therefore share
+    their compiled functions, whatever the values of their limits and positions.
     """
 
     moves: tuple[tuple[bool, ...], ...]
@@ -67,10 +76,18 @@ class NlpStructure:
     def with_divided_elements(self, counts: Indices) -> "NlpStructure":
         """Return the structure with every element divided into equal parts.
 
+        The numbers of segments and blocks remain. A segment or a block gets as many elements as
+        its present elements have parts.
+
         Parameters
         ----------
         counts : (n,) int array
             Number of parts of each element.
+
+        Returns
+        -------
+        NlpStructure
+            The structure of the finer mesh.
         """
         segments, blocks = (
             tuple(np.bincount(index, counts).astype(int).tolist())
@@ -103,9 +120,20 @@ class NlpStructure:
         return np.asarray(np.bincount(self.block, lengths), dtype=float)
 
     def variables(self, elements: Array) -> Array:
-        """Return Ipopt's vector of variables (4 m n + b,) for elements (n, 4 m + 1).
+        """Return the vector of variables with which Ipopt describes a motion.
 
-        It contains u, u̇, and ü at both ends of every element, then the durations of the blocks.
+        It contains u, u̇, and ü at both ends of every element, then the durations of the blocks. The
+        lengths of the elements are no variables, because they follow from these durations.
+
+        Parameters
+        ----------
+        elements : (n, 4 m + 1) array
+            u, u̇, ü at the start, ü at the end (m numbers each), and length of every element.
+
+        Returns
+        -------
+        (4 m n + b,) array
+            Four numbers for each of the m coordinates in each of the n elements, and b durations.
         """
         return np.append(elements[:, :-1].ravel(), self.times(elements[:, -1]))
 
@@ -164,9 +192,11 @@ class BoundaryConditions:
         Returns
         -------
         lower, upper : (n, 4 m) arrays
-            The fields of `NlpData` with these names.
+            Smallest and largest u, u̇, ü at the start and ü at the end of every element. A given
+            value has equal bounds.
         velocity : tuple of two (n, m) arrays
-            The field `NlpData.velocity`.
+            Smallest and largest u̇ within each element. One of them is 0 for a coordinate that moves
+            in one direction, and both are 0 for a coordinate that rests.
         """
         m, segment = structure.coordinates, structure.segment
         # Columns of u̇, of ü at the start and of ü at the end of an element.
@@ -198,7 +228,10 @@ class NlpData:
     """All numbers of a program: its parameters and its bounds."""
 
     element_parameters: tuple[Array, ...]
-    """Parameter vectors of the element model, (size,) for all elements or (n, size)."""
+    """Constants of the functions of an element, such as limits and directions of joints.
+
+    Each vector has the shape (size,) if all elements share it, otherwise (n, size).
+    """
     fractions: Array
     """Length of every element as a share of its block, (n,)."""
     least_times: Array
@@ -223,13 +256,15 @@ class NlpData:
     breakaway_bound: Array
     """Upper bounds of the breakaway constraints, (pairs, rows).
 
-    The pairs are those of `NlpStructure.breakaways`, and the rows those of the element model's
-    `breakaway`. The bounds are infinite for joints that do not start to move there.
+    A breakaway constraint limits the motor torque of a joint that starts to move against static
+    friction. Each pair (element k, element j) of `NlpStructure.breakaways` is a possible start: at
+    the beginning of element k, in the direction of element j. The rows are the motors' constraints
+    at this start. The bounds are infinite for joints that do not start to move there.
     """
     duration: tuple[float, float] = (0.0, np.inf)
     """Smallest and largest duration of the motion."""
     brief: bool = False
-    """True if Ipopt may take only few iterations from a guess, see `ipopt.Start`."""
+    """True if Ipopt may take only few iterations, because the motion has a cheap alternative."""
     weights: tuple[float, float] = (1.0, 0.0)
     """Weights of the duration and of the cost (heat or effort of the motors) in the objective."""
 
@@ -241,8 +276,14 @@ class NlpData:
     def needs_position_bounds(self, structure: NlpStructure) -> Mask:
         """Return a mask of the bounds of u that do not follow from other constraints, (n, m).
 
-        Only the first element behind a free border needs them. Between two borders a coordinate
-        keeps its direction, so it stays between its positions at both borders anyway.
+        Only the first element behind a free border (a reversal whose position the solver chooses)
+        needs them. Between two borders a coordinate keeps its direction, so it stays between its
+        positions at both borders anyway.
+
+        Parameters
+        ----------
+        structure : NlpStructure
+            Structure of the program, which states where the segments begin.
         """
         counts = np.zeros_like(self.velocity[0], dtype=bool)
         counts[structure.borders[1:]] = True
@@ -300,9 +341,9 @@ class Multipliers:
         lower, upper : (n, m) arrays
             Multipliers of the lower and upper bounds on u̇, ≥ 0.
         rows : (n, 3 r) array
-            Multipliers of the path constraints.
+            Multipliers of the r path constraints at start, middle and end of each element, ≥ 0.
         active : frozenset
-            Names and joints of the path constraints.
+            Names and joints of the r path constraints.
         """
         v_min, v_max = data.velocity
         forward = (v_min == 0) & (v_max > 0)
@@ -315,7 +356,7 @@ class NlpSolution:
     """Result of a solver: the motion in scaled units, or the status of the failure."""
 
     message: str
-    """Return status of the solver, one of Ipopt's or of those in `structured`, `objectives`."""
+    """Return status of the solver, for example Ipopt's "Solve_Succeeded", or `NOT_CONVERGED`."""
     structure: NlpStructure
     """Structure of the program that was solved."""
     elements: Array
@@ -354,12 +395,17 @@ class NlpSolution:
 
 
 def as_cubics(elements: Array) -> CubicPiece:
-    """Return the elements as cubic polynomials, in one `CubicPiece` with fields of shape (n, m).
+    """Split the rows of elements into the fields of cubic polynomials.
 
     Parameters
     ----------
     elements : (n, 4 m + 1) array
-        u, u̇, ü at the start, ü at the end, and length of every element.
+        u, u̇, ü at the start, ü at the end (m numbers each), and length of every element.
+
+    Returns
+    -------
+    CubicPiece
+        Its fields u, v, a0 and a1 have the shape (n, m), and the lengths h the shape (n, 1).
     """
     m = elements.shape[1] // 4
     return CubicPiece(*np.hsplit(elements, [m, 2 * m, 3 * m, 4 * m]))
@@ -371,8 +417,8 @@ def stretched(elements: Array, factor: float) -> Array:
     Parameters
     ----------
     elements : (n, 4 m + 1) array
-        u, u̇, ü at the start, ü at the end, and length of every element. The result has this form
-        too.
+        u, u̇, ü at the start, ü at the end (m numbers each), and length of every element. The result
+        has this form too.
     factor : float
         Ratio of the new duration to the old one.
     """
@@ -387,7 +433,7 @@ def divide_elements(elements: Array, counts: Indices) -> Array:
     Parameters
     ----------
     elements : (n, 4 m + 1) array
-        u, u̇, ü at the start, ü at the end, and length of every element.
+        u, u̇, ü at the start, ü at the end (m numbers each), and length of every element.
     counts : (n,) int array
         Number of parts of each element.
 
@@ -406,7 +452,8 @@ def divide_elements(elements: Array, counts: Indices) -> Array:
 def divide_into_blocks(arcs: Sequence[int]) -> tuple[int, ...]:
     """Divide arcs with many elements into blocks, and return the number of elements of each block.
 
-    An arc is the part of a motion between two switching points. The duration of a block is an
+    An arc is the part of a motion between two switching points, that is, instants at which the
+    acceleration of a joint changes its value in the guess. The duration of a block is an
     unknown of the program, and the elements of the block share it in a fixed proportion. A long arc
     becomes several blocks with at most `MAX_BLOCK_ELEMENTS` elements each.
 

@@ -5,6 +5,10 @@ so that neighbouring elements join by construction, and limits of ü and jerk ar
 variables of one element. Equality constraints remain in two cases: if a jerk-limited coordinate
 passes a point, reverses there, or begins or ends at speed, and if the duration is given.
 
+The coordinates u are the path parameter or the joints. The vector z of an element (time interval)
+contains u, u̇, ü at its start, ü at its end, its length, and the middle Bernstein coefficient of u̇.
+The element model gives the path constraints and the cost as functions of z.
+
 `solve_structured` is the main entry. It needs the compiled part of the package.
 """
 
@@ -70,16 +74,16 @@ def solve_structured(
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program.
+        Numbers of elements, segments and blocks, and kinds of constraints of the program.
     element : ElementModel
-        Element model with the path constraints and the cost.
+        Path constraints and cost as functions of the motion in one element (time interval).
     data : NlpData
         Parameters and bounds of the program.
     start : (n, 4 m + 1) array
-        Elements of a guess: u, u̇, ü at the start, ü at the end, and length.
+        Elements of a guess: u, u̇, ü at the start, ü at the end (m numbers each), and length.
     warm : NlpSolution or None
-        Structured solution of a similar program. The first attempt starts at it, the others at the
-        guess.
+        Structured solution of a similar program. The first attempt starts at its variables and
+        multipliers (a warm start). The other attempts start at the guess. None: all do.
     iterations : int
         Largest number of iterations of an attempt. Below `MAX_ITERATIONS`, only one exponent is
         tried.
@@ -141,11 +145,21 @@ def _multipliers(
     ----------
     program : Program
         Program of the structured solver.
-    structure, element, data : NlpStructure, ElementModel, NlpData
-        The same program in the form of `solve_structured`.
+    structure : NlpStructure
+        Numbers n of elements and m of coordinates of this program.
+    element : ElementModel
+        Its path constraints. Only their names are used.
+    data : NlpData
+        Its bounds on u̇, which tell the directions of the coordinates.
     rows : (all constraints,) array
         Multipliers of the constraints in the order of `interior.Program.sizes`: those of the
-        groups, then those of the linear constraints of each element.
+        groups (path constraints, breakaway constraints), then those of the linear constraints of
+        each element.
+
+    Returns
+    -------
+    Multipliers
+        Multipliers of the path constraints, (n, 3 r), and of the directions, (n, m).
     """
     n, m = structure.elements, structure.coordinates
     sizes = [group.bound.size for group in program.groups]
@@ -170,11 +184,17 @@ def build_program(structure: NlpStructure, element: ElementModel, data: NlpData)
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program.
+        Numbers of elements, segments and blocks, and kinds of constraints of the program.
     element : ElementModel
-        Element model with the path constraints and the cost.
+        Path constraints and cost as functions of the motion in one element (time interval).
     data : NlpData
         Parameters and bounds of the program.
+
+    Returns
+    -------
+    Program
+        The spline that joins the elements, the groups of nonlinear constraints, and the linear
+        constraints.
     """
     n, m = structure.elements, structure.coordinates
     # A motion from rest to rest can be stretched in time without a change of the unknowns.
@@ -242,9 +262,10 @@ def _build_group(
     Parameters
     ----------
     element : ElementModel
-        Element model.
+        Path constraints, breakaway constraints and cost as functions of the motion in one element.
     parameters : tuple of arrays
-        Parameter vectors of the element model, (size,) or (n, size) each.
+        Constants of these functions, such as limits: (size,) for one vector that all elements
+        share, (n, size) otherwise.
     elements : (n,) int array
         Elements at which the constraints are imposed.
     bound : (n, constraints) array
@@ -254,6 +275,11 @@ def _build_group(
     breakaway : bool
         True for the breakaway constraints (static friction where a joint may start). False for the
         path constraints and the cost.
+
+    Returns
+    -------
+    RowGroup
+        The compiled functions with their elements, bounds and weight.
 
     Raises
     ------
@@ -275,9 +301,10 @@ def _boundary_values(
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program.
+        Numbers of elements and coordinates, and in which elements a coordinate moves.
     spline : Spline
-        Spline whose coefficients are the unknowns.
+        Spline whose coefficients are the unknowns. It has a number of coefficients (rows) for each
+        of the m coordinates.
     data : NlpData
         Bounds of the program.
 
@@ -329,20 +356,23 @@ def _boundary_values(
 def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, Any, Any]]:
     """Return the equality constraints of a jerk-limited motion at its via points.
 
-    They fix positions, and velocities 0, of coordinates that move before and after the point. The
-    unknowns of other coordinates are fixed themselves.
+    A via point is a given point between the start and the end of the motion. The constraints fix
+    positions, and velocities 0, of coordinates that move before and after the point. A coordinate
+    that rests before or after the point needs no constraint, because its spline coefficients there
+    are no unknowns.
 
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program.
+        First elements of the segments, and in which elements a coordinate moves.
     data : NlpData
-        Bounds of the program.
+        Bounds of the program. Equal lower and upper bounds fix a value.
 
     Returns
     -------
     list of (int, int, float)
-        Index of the element, index of the entry of its vector z, and value.
+        For each constraint the index of the element behind the point, the index of the entry of its
+        vector z (u, u̇, ü at the start, ü at the end, length), and the value of this entry.
     """
     m, moving = structure.coordinates, structure.moving
     return [
@@ -363,15 +393,16 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program.
+        Numbers of elements and coordinates, and kinds of constraints of the program.
     data : NlpData
         Bounds of the program.
 
     Returns
     -------
     matrix : (l, 5 m + 1) array
-        A. The columns are those of z: u, u̇, ü at the start, ü at the end, length, and middle
-        Bernstein coefficients of u̇.
+        A, with one row for each of the l constraints. Its columns are the entries of z: u, u̇, ü at
+        the start, ü at the end (m entries each), the length, and the m middle Bernstein
+        coefficients of u̇.
     bound : (n, l) array
         b_k, infinite where a constraint does not apply.
     """
@@ -403,20 +434,26 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
 def _initial_point(
     program: Program, structure: NlpStructure, data: NlpData, elements: Array
 ) -> Point:
-    """Return the initial point of the solver, which is the guess, slowed down.
+    """Return the initial point of the solver: the guess, slowed down by `GUESS_SLOWDOWN`.
 
-    A motion with a given range of durations is not slowed down.
+    The slower motion violates fewer limits. A motion with a given range of durations is not slowed
+    down.
 
     Parameters
     ----------
     program : Program
         Program of the structured solver.
     structure : NlpStructure
-        Structure of the program.
+        Numbers of elements and blocks of the program.
     data : NlpData
         Bounds of the program.
     elements : (n, 4 m + 1) array
-        Elements of the guess: u, u̇, ü at the start, ü at the end, and length.
+        Elements of the guess: u, u̇, ü at the start, ü at the end (m numbers each), and length.
+
+    Returns
+    -------
+    Point
+        Coefficients of the spline, and durations of the blocks in scaled time.
     """
     m = structure.coordinates
     # The solver starts inside the bounds of the durations.
