@@ -667,7 +667,24 @@ def _cached_inverse_task(
 ) -> Solutions:
     """Solve the inverse kinematics of one target, and cache the result for repeated targets.
 
-    The cache saves 28 % of the CPU time of the problem `waypoints`. The arguments are those of
-    `inverse_task`, as tuples.
+    The planner asks for the same target several times, for example when it compares joint
+    positions at the start. The cache saves 28 % of the CPU time of the problem `waypoints`. A cache
+    needs hashable arguments, so arrays are passed as tuples.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Geometry of the robot.
+    task : tuple of 4 floats
+        Task coordinates roll, tilt, spin (rad) and depth (m) of the target.
+    limits : tuple of 4 pairs of floats, or None
+        Smallest and largest position of each joint. Solutions outside count as not valid.
+    reference : tuple of 4 floats, or None
+        Joint positions. The solutions nearest to them come first.
+
+    Returns
+    -------
+    Solutions
+        Joint positions on both branches of the inverse kinematics, and which of them are valid.
     """
     return inverse_task(mechanism, [task], limits=limits, reference=reference)

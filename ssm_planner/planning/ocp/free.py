@@ -62,7 +62,8 @@ def solve_free(
     count : int or None
         Approximate number of mesh elements. None: chosen by the kind of motion.
     method : str
-        Solution method, see `nlp.Method`.
+        Solution method: "Ipopt" alone, "structured" (the structured solver alone), "confirmed" (the
+        structured solver, whose result Ipopt confirms), or "estimated" (only the duration counts).
     borders : Borders or None
         Positions between which no joint reverses, in place of the points of the phase. None: joints
         may only reverse at these points.
@@ -70,7 +71,7 @@ def solve_free(
         Duration in s. A solution that takes longer is not refined further, because it is of no use.
     fastest_only : bool
         True to return the fastest motion as the first solver computes it, for example to compare
-        candidates. `find_best_free` continues from this result.
+        different ways to move (candidates). `find_best_free` continues from this result.
     work : Work or None
         Counter of the computational work.
 
@@ -135,19 +136,20 @@ def find_best_free(motion: PhaseSolution, cutoff: float = np.inf) -> PhaseSoluti
 
 @keyword_record
 class _FreeProblemBuilder:
-    """Builder of the optimal control problem of a free motion: its mesh and its initial guess.
-
-    The fields without a description are the arguments of `solve_free`.
-    """
+    """Builder of the optimal control problem of a free motion: its mesh and its initial guess."""
 
     phase: Phase
+    """The phase with its problem, points and velocities at both ends."""
     displacements: Array
     """Displacements of the joints from each point to the next one, (k, 4), rad and m."""
     limits: dict[str, Array]
     """Limits of the joints by their names in `elements.rows.LIMIT_SIZES`, (4,) each."""
     method: Method
+    """Solution method "Ipopt", "structured", "confirmed" or "estimated"."""
     borders: Borders
+    """Positions between which no joint reverses: the points of the phase, and reversals."""
     work: Work
+    """Counter of the computational work."""
 
     @property
     def jerk(self) -> bool:
@@ -169,7 +171,8 @@ class _FreeProblemBuilder:
     def least_count(self) -> int:
         """Smallest number of elements between two switching points.
 
-        The acceleration of a joint changes at a switching point.
+        A switching point is an instant at which the acceleration of a joint (with a jerk limit: its
+        jerk) jumps in the guess.
         """
         return 2 if len(self.displacements) < 16 else 1
 
@@ -211,6 +214,11 @@ class _FreeProblemBuilder:
         ----------
         per_segment : int
             Approximate number of elements between two points.
+
+        Returns
+        -------
+        SegmentChain
+            All segments of the motion, in the order of time.
         """
         chain = SegmentChain.joined(self._chains(per_segment), self.borders.free)
         eye, mechanism = self.phase.problem.eye, self.phase.mechanism
@@ -226,10 +234,18 @@ class _FreeProblemBuilder:
     def _chains(self, per_segment: int) -> list[SegmentChain]:
         """Build the segments and guesses of the motion, one chain for each pair of points.
 
+        If a joint reverses between two points because of its velocities there, the chain of this
+        pair has several segments.
+
         Parameters
         ----------
         per_segment : int
             Approximate number of elements between two points.
+
+        Returns
+        -------
+        list of SegmentChain
+            Chains in the order of time. Each begins at the point at which the previous one ends.
         """
         displacements, borders = self.displacements, self.borders
         # If the reversals are known, the guess is a motion that contains them.
@@ -265,6 +281,11 @@ class _FreeProblemBuilder:
         ----------
         count : int or None
             Approximate number of mesh elements. None: `default_count`.
+
+        Returns
+        -------
+        FreeProblem
+            The problem. Its property `guess` contains the initial motion.
         """
         chain = self.chain(self.elements_per_segment(count or self.default_count))
         one_block_per_segment = self._has_one_block_per_segment(chain)
@@ -288,8 +309,9 @@ class _FreeProblemBuilder:
     def _has_one_block_per_segment(self, chain: SegmentChain) -> bool:
         """Return True if the duration of each segment is one unknown of the program.
 
-        Otherwise each arc between two switching points has its own duration. With one unknown, the
-        joints switch at the same fractions of the segment's duration as in the guess. The
+        Otherwise each arc between two switching points (instants at which the acceleration of a
+        joint jumps in the guess) has its own duration. With one unknown, the joints switch at the
+        same fractions of the segment's duration as in the guess. The
         structured solver then converges more often, but the motion may be longer.
 
         Parameters

@@ -1,12 +1,14 @@
 """Optimal control problem of a free motion, in which the solver chooses the joint path.
 
-Borders divide the motion into segments. Every joint moves in one direction within a segment, so its
-position lies between those at the borders, and the sign of its friction is known. A joint that
-moves on in its direction passes a border at speed. A joint that reverses there, or that rests on
-one side of the border, has velocity 0 there. Limits of velocity, acceleration and jerk bound the
-unknowns themselves. Motor torque, tip speed, rates of task coordinates, ranges of roll and spin,
-and the limits of the eye are path constraints. Only those that a motion comes close to are part of
-the program ("active"). `free.solve_free` builds and solves the problem.
+Borders are the places at which joints may change their direction: the given points, further
+reversals, and passages of an eye's port. They divide the motion into segments. Every joint moves in
+one direction within a segment, so its position lies between those at the borders, and the sign of
+its friction is known. A joint that moves on in its direction passes a border at speed. A joint that
+reverses there, or that rests on one side of the border, has velocity 0 there.
+
+Limits of velocity, acceleration and jerk bound the unknowns themselves. Motor torque, tip speed,
+rates of task coordinates, ranges of roll and spin, and the limits of the eye are path constraints.
+Only those that a motion comes close to are part of the program ("active"). `free.solve_free` builds and solves the problem.
 """
 
 from dataclasses import replace
@@ -87,7 +89,7 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def unit(self) -> Array:
-        """Distance d in rad or m that a joint travels when its coordinate u grows by 1, (4,).
+        """Distance d in rad or m that a joint travels when its coordinate u changes by 1, (4,).
 
         It is the largest distance between two borders. If the position at a border is unknown, d
         has a lower bound, because the guess may be too short.
@@ -133,9 +135,10 @@ class FreeProblem(OcpProblem):
 
     @property
     def guess(self) -> Array:
-        """Elements of the initial guess in scaled units, (n, 4 m + 1).
+        """Elements (time intervals) of the initial guess in scaled units, (n, 4 m + 1).
 
-        A row contains u, u̇, ü at the start and ü at the end of an element, and its length.
+        A row contains u, u̇, ü at the start and ü at the end of an element (a number for each of the
+        m moving joints), and the length of the element.
         """
         states = []
         for guess in self.chain.guesses:
@@ -146,10 +149,24 @@ class FreeProblem(OcpProblem):
         return np.column_stack([np.vstack(states), self.lengths])
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
-        """Return the parameters and bounds of the program, see `OcpProblem.data`.
+        """Return the parameters and bounds of the nonlinear program on the present mesh.
 
-        A velocity that is given at an end may already be at a limit. The path constraints at that
-        end are therefore relaxed by a tolerance for rounding.
+        The base class provides most of them. A velocity that is given at an end of the motion may
+        already be at a limit. The path constraints at that end are therefore relaxed by a tolerance
+        for rounding.
+
+        Parameters
+        ----------
+        elements : (n, 4 m + 1) array
+            Latest motion: u, u̇, ü at the start, ü at the end (m numbers each), and length of each
+            element.
+        backoff : (n, active constraints) array
+            Reduction of the bound of every active path constraint in every element.
+
+        Returns
+        -------
+        NlpData
+            All numbers of the program.
         """
         base = super().data(elements, backoff)
         bound = base.path_bound.copy()
@@ -187,10 +204,10 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def complete_element(self) -> FreeElement:
-        """Element model with all path constraints that the motion must keep.
+        """Functions of one element, with all path constraints that the motion must keep.
 
-        They are the limits of task coordinates, tool speeds, the eye, and the motor torques of
-        moving joints.
+        The constraints are the limits of task coordinates, tool speeds, the eye, and the motor
+        torques of moving joints.
         """
         problem = self.phase.problem
         rows: set[RowName] = {
@@ -221,7 +238,8 @@ class FreeProblem(OcpProblem):
     def ignored_rows(self) -> Mask:
         """True where a path constraint does not apply to an element, (n, r).
 
-        The distance to the retina is not limited where the tip is outside the eye or in its port.
+        The distance to the retina is not limited where the tip is outside the eye or in its port,
+        that is, in the incision through which the tool enters.
         """
         mask, eye = super().ignored_rows.copy(), self.phase.problem.eye
         if eye is not None:
@@ -230,10 +248,19 @@ class FreeProblem(OcpProblem):
         return mask
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the directions σ (n, 4) of the joints, and the parameters of the element model.
+        """Return the constants with which the functions of the elements are evaluated.
 
-        The parameters (size,) have the order of `FreeElement.layout` and are the same for all
-        elements.
+        Parameters
+        ----------
+        elements : (n, 4 m + 1) array
+            Latest motion. Free motions do not depend on it.
+
+        Returns
+        -------
+        sigma : (n, 4) array
+            Directions of the joints in each element: +1, −1 or 0.
+        parameters : (size,) array
+            Start, units and limits in the order of `FreeElement.layout`, the same for all elements.
         """
         return self.sigma, self._parameters
 
@@ -285,7 +312,9 @@ class FreeProblem(OcpProblem):
     def _retina_easing(self) -> float:
         """Amount by which the retina's constraint is relaxed, so that it allows all given points.
 
-        A given point may exceed the constraint by an amount that the tolerance of the check covers.
+        The constraint is a function of the tip's position that must not be positive. Rounding may
+        make it slightly positive at a given point inside the eye, which the tests before planning
+        still accept. Without the relaxation, the program would then have no solution.
         """
         if self.phase.problem.eye is None:
             return 0.0

@@ -1,7 +1,8 @@
 """Initial guesses of a free motion, from each of its points to the next one.
 
-The guess follows from the closed forms of the joints (`joint_profile`). A motion with reversals is
-sampled from the earlier motion that suggested the reversals.
+A guess is the motion at which the solver of the optimal control problem begins. It follows from
+the closed forms of the single joints (`joint_profile`). If an earlier solution has suggested
+reversals of joints, the guess is sampled from this earlier motion.
 """
 
 from itertools import pairwise
@@ -59,8 +60,8 @@ def guess_between(
     count : int
         Approximate number of elements.
     least_count : int
-        Smallest number of elements between two switching points, at which the acceleration of a
-        joint changes.
+        Smallest number of elements between two switching points, that is, instants at which the
+        acceleration (with a jerk limit: the jerk) of the slowest joint jumps.
 
     Returns
     -------
@@ -155,7 +156,8 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
     Parameters
     ----------
     borders : Borders
-        Borders with the directions of the joints between them, and a motion through them.
+        Positions (points and reversals) between which no joint reverses, with the directions of the
+        joints between them, and a motion through them.
     count : int
         Approximate number of elements in all.
     least_count : int
@@ -188,8 +190,9 @@ def jerk_limits_of_all_joints(
 ) -> Array:
     """Return jerk limits for all joints of a robot that limits the jerk of some joints.
 
-    A joint without a limit gets one with which it reaches its largest acceleration in the share
-    `ACCELERATION_RAMP_SHARE` of the shortest time between two points.
+    The program limits the jerk of either all joints or none. A joint without a limit gets one with
+    which it reaches its largest acceleration in the share `ACCELERATION_RAMP_SHARE` of the shortest
+    time between two points, which hardly slows it down.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ Start = Literal["cold", "brief", "confirming"]
 """Kind of initial point, which decides on Ipopt's options.
 
 "cold": a guess. "brief": a guess of a motion that is only worth few iterations. "confirming": a
-solution of the structured solver, which Ipopt is to confirm.
+solution of the structured solver (`ocp.structured`), which Ipopt is to confirm.
 """
 COLD_START_ITERATIONS = 300
 """Largest number of iterations of a cold start, unless twice the number of elements is larger."""
@@ -77,9 +77,13 @@ class ProgramSymbols:
     cubic: CubicPiece
     """The elements as cubics, (m, n) each."""
     z: ca.MX
-    """Vectors z of the elements as columns: the rows of `x`, and the lengths h, (4 m + 1, n)."""
+    """Vectors z of the elements as columns, (4 m + 1, n).
+
+    Each column contains u, u̇, ü at the start and ü at the end of an element (m numbers each), and
+    the length h of this element.
+    """
     element_parameters: list[ca.MX]
-    """Parameter vectors of the element model as columns, (size, n) or (size, 1) each."""
+    """Constants of the functions of an element as columns: (size, n), or (size, 1) if shared."""
     own_parameters: ca.MX
     """Parameters of the program itself as one vector."""
     layout: Layout
@@ -96,7 +100,12 @@ class ProgramSymbols:
         structure : NlpStructure
             Numbers of elements, coordinates and blocks.
         element : ElementModel
-            Element model, which determines the sizes of its parameter vectors.
+            Functions of one element. They determine the sizes of the vectors of their constants.
+
+        Returns
+        -------
+        ProgramSymbols
+            Free symbols, and the expressions of the elements in terms of these symbols.
         """
         n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
         x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
@@ -133,7 +142,7 @@ class ProgramSymbols:
 
     @property
     def parameters(self) -> ca.MX:
-        """All parameters as one vector: those of the element model, then `own_parameters`."""
+        """All parameters as one vector: constants of the elements, then `own_parameters`."""
         return ca.vertcat(*map(ca.vec, self.element_parameters), self.own_parameters)
 
 
@@ -275,13 +284,21 @@ def _map_elements(
     native : MappedElements or None
         The element functions in C. None: CasADi evaluates them.
     z : (4 m + 1, n) MX
-        Vectors z of the elements as columns.
+        Vectors z of the elements as columns: u, u̇, ü at the start, ü at the end (m numbers each),
+        and the length.
     parameters : list of MX
-        Parameter vectors of the element model, (size, n) or (size, 1) each.
+        Constants of the function: (size, n) with one column for each element, or (size, 1) if all
+        elements share them.
     function : Function
-        Function of one element.
+        CasADi function of one element, with the arguments z, the constants and `inputs`.
     *inputs : MX
         Further arguments of the function, one column for each element.
+
+    Returns
+    -------
+    MX or list of MX
+        The results of the function, with the columns of all elements one after the other. A
+        function with several results gives a list.
     """
     if native is not None:
         return native.function(function)(z, *parameters, *inputs)

@@ -1,8 +1,9 @@
 """Motion of one joint between two given velocities in closed form, for the guess of a free motion.
 
 A joint from rest to rest makes its fastest motion, stretched to the duration of the slowest joint.
-Another joint changes its initial velocity to a peak velocity, cruises, and changes to its final
-velocity. If the peak points against the velocity at an end, the joint reverses near that end.
+A joint with a velocity at an end changes it to a peak velocity, cruises (moves at this constant
+velocity), and changes to its final velocity. Each change of velocity, at constant acceleration, is
+called a ramp. If the peak points against the velocity at an end, the joint reverses near that end.
 """
 
 import math
@@ -61,6 +62,11 @@ class JointProfile:
             Limits of velocity, acceleration and jerk.
         start_acceleration : float
             Acceleration at the start, rad/s² or m/s².
+
+        Returns
+        -------
+        JointProfile
+            The motions of the joint, with the direction of their peak velocity.
         """
         velocity, acceleration, jerk = limits.tolist()
         # The joint brakes less hard if its jerk is limited. This decides whether it can stop in
@@ -176,6 +182,11 @@ def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: f
         Velocities at both ends.
     acceleration : float
         Acceleration of the changes of velocity, rad/s² or m/s².
+
+    Returns
+    -------
+    float
+        +1 or −1.
     """
     start, end = speeds
     remaining = displacement - (start * abs(start) + end * abs(end)) / (2 * acceleration)
@@ -190,7 +201,9 @@ def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: f
 def _braking_acceleration(speed: float, acceleration: float, limit: float, jerk: float) -> float:
     """Return the constant acceleration that gives the stopping distance of the quickest stop.
 
-    A joint at rest, or one that reverses before it stops, gets its acceleration limit.
+    A joint with limited jerk needs time to build up its deceleration, so it brakes on average less
+    hard than its acceleration limit. With the velocity v and the stopping distance d, the result is
+    v² / (2 d). A joint at rest, or one that reverses before it stops, gets its acceleration limit.
 
     Parameters
     ----------
@@ -198,6 +211,11 @@ def _braking_acceleration(speed: float, acceleration: float, limit: float, jerk:
         Velocity and acceleration of the joint when it begins to stop.
     limit, jerk : float
         Limits of acceleration and jerk. The jerk may be infinite.
+
+    Returns
+    -------
+    float
+        Acceleration > 0, rad/s² or m/s², at most `limit`.
     """
     if not speed:
         return limit

@@ -44,8 +44,9 @@ class Mesh:
     ) -> "Mesh":
         """Build a mesh for a motion of TOPP-RA.
 
-        If jerk is limited, every jump of s̈ needs time. The mesh then has an additional
-        arc, a ramp, behind every jump, as in the jerk-limited motion of a single joint.
+        The mesh has a border at every jump of s̈. The time between two borders is called an arc. If
+        jerk is limited, s̈ needs time to change. The mesh then has an additional arc, a ramp, behind
+        every jump, as in the jerk-limited motion of a single joint.
 
         Parameters
         ----------
@@ -57,6 +58,12 @@ class Mesh:
             Number of elements. The mesh has more if there are too many arcs.
         jerk : (n + 1,) array or None
             Largest s⃛ at the n + 1 grid points of `guess`, 1/s³. None without a jerk limit.
+
+        Returns
+        -------
+        Mesh
+            The mesh. With a jerk limit, its end may be later than that of the motion, because of
+            the last ramp.
         """
         times = guess.times
         reversals = np.interp(knots, guess.s, times)
@@ -108,7 +115,7 @@ class Mesh:
 
 
 def _element_ends(borders: Array, count: int) -> Array:
-    """Divide every arc between two borders into elements of equal length.
+    """Divide the time between each pair of borders (an arc) into elements of equal length.
 
     There are `count` elements in all, or more if an arc would otherwise have less than
     `MIN_ELEMENTS_PER_ARC`. The number is thus the same for most motions, so that one compiled

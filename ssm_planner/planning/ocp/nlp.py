@@ -41,9 +41,9 @@ to estimate the duration.
 MAX_BLOCK_ELEMENTS = 20
 """Largest number of elements of a block.
 
-An arc, that is, the part of a motion between two instants at which the acceleration of a joint
-changes its value, may have more elements. It is then divided into several blocks, whose durations
-may differ.
+An arc is the part of a motion between two instants at which the acceleration of a joint (with a
+jerk limit: its jerk) jumps in the guess. An arc with more elements is divided into several blocks,
+whose durations may differ.
 """
 
 
@@ -264,7 +264,7 @@ class NlpData:
     duration: tuple[float, float] = (0.0, np.inf)
     """Smallest and largest duration of the motion."""
     brief: bool = False
-    """True if Ipopt may take only few iterations, because the motion has a cheap alternative."""
+    """True if Ipopt may take only few iterations, because the robot can stop first instead."""
     weights: tuple[float, float] = (1.0, 0.0)
     """Weights of the duration and of the cost (heat or effort of the motors) in the objective."""
 
@@ -453,9 +453,9 @@ def divide_into_blocks(arcs: Sequence[int]) -> tuple[int, ...]:
     """Divide arcs with many elements into blocks, and return the number of elements of each block.
 
     An arc is the part of a motion between two switching points, that is, instants at which the
-    acceleration of a joint changes its value in the guess. The duration of a block is an
-    unknown of the program, and the elements of the block share it in a fixed proportion. A long arc
-    becomes several blocks with at most `MAX_BLOCK_ELEMENTS` elements each.
+    acceleration of a joint (with a jerk limit: its jerk) jumps in the guess. The duration of a
+    block is an unknown of the program, and the elements of the block share it in a fixed
+    proportion. A long arc becomes several blocks with at most `MAX_BLOCK_ELEMENTS` elements each.
 
     Parameters
     ----------

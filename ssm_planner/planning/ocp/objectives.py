@@ -52,8 +52,8 @@ def find_fastest_motion(
     problem : OcpProblem
         The optimal control problem on its first mesh.
     guess : (n, 4 m + 1) array
-        Motion at which the optimisation begins: u, u̇, ü at the start, ü at the end, and length of
-        each element.
+        Motion at which the optimisation begins: u, u̇, ü at the start, ü at the end (a number for
+        each of the m coordinates), and length of each element.
     duration : float or None
         Requested duration in scaled time, which replaces `cutoff`. None: as short as possible.
     cutoff : float
@@ -173,7 +173,7 @@ def _least_cost_motion(
 def _solve_and_confirm(
     state: RefinementState, aim: Aim, duration: tuple[float, float]
 ) -> RefinedMotion:
-    """Compute a motion that keeps all limits, and let Ipopt confirm it.
+    """Compute the motion of least cost that keeps all limits, and let Ipopt confirm it.
 
     If Ipopt does not confirm the motion, Ipopt solves the program alone, from the initial state.
 
@@ -182,7 +182,8 @@ def _solve_and_confirm(
     state : RefinementState
         Initial state, with the problem and the guess.
     aim : str
-        Cost that is minimised, see `elements.element.Aim`.
+        Cost that is minimised: "heat" or "cooling" (heat of the motors without or with weights), or
+        "effort" (torque that the speed of the motion needs).
     duration : (float, float)
         Smallest and largest duration in scaled time.
 
@@ -211,7 +212,8 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
     refined : RefinedMotion
         Motion to confirm.
     aim : str
-        Cost that was minimised.
+        Cost that was minimised. With "time", the durations of both solvers are compared, otherwise
+        the values of the objective.
 
     Returns
     -------

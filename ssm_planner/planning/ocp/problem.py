@@ -35,13 +35,16 @@ It prevents elements of length 0, in which accelerations would be undetermined.
 class OcpProblem(ABC):
     """An optimal control problem with n elements, k segments, b blocks and r path constraints.
 
-    Elements, segments and blocks are defined in `nlp`. A path constraint (also called a row) is a
-    function of the motion at one instant that must not exceed 1. A subclass provides the element
-    models with their parameters, the limits of the coordinates and the boundary conditions.
+    Elements are the time intervals of the mesh, segments the parts of the motion in which no
+    coordinate reverses, and blocks the groups of elements that share one unknown duration (`nlp`).
+    A path constraint (also called a row) is a function of the motion at one instant that must not
+    exceed 1. The element model contains the functions that give the path constraints and the cost
+    of one element. A subclass provides this model with its constants, the limits of the coordinates
+    and the boundary conditions.
     """
 
     structure: NlpStructure
-    """Structure of the program."""
+    """Numbers of elements, segments and blocks, and kinds of constraints of the program."""
     lengths: Array
     """Length of every element in the guess in scaled time, (n,)."""
     joint_limits: dict[str, Array]
@@ -53,7 +56,10 @@ class OcpProblem(ABC):
     starts_at_rest: Array
     """True for joints that are at rest at the start of the motion, (4,)."""
     method: Method = "Ipopt"
-    """Solution method, see `nlp.Method`."""
+    """Solution method: "Ipopt", "structured", "confirmed" or "estimated".
+
+    `nlp.Method` explains these values.
+    """
     work: Work = field(default_factory=Work)
     """Counter of the computational work."""
 
@@ -82,8 +88,8 @@ class OcpProblem(ABC):
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            u, u̇, ü at the start, ü at the end, and length of each element. A model that
-            approximates a path does so near the positions u.
+            u, u̇, ü at the start, ü at the end (m numbers each), and length of each element. A model
+            that approximates a path does so near the positions u.
 
         Returns
         -------
@@ -92,14 +98,20 @@ class OcpProblem(ABC):
         """
 
     def element(self, active: frozenset[RowName], aim: Aim) -> ElementModel:
-        """Return the element model with a subset of the path constraints and with a cost.
+        """Return the functions of one element with some of the path constraints and with a cost.
 
         Parameters
         ----------
         active : frozenset
             Names and joints of those path constraints that are part of the program.
         aim : str
-            Cost in addition to time, see `elements.element.Aim`.
+            Cost in addition to time: "time" (none), "heat" or "cooling" (heat of the motors without
+            or with weights), or "effort" (torque that the speed needs).
+
+        Returns
+        -------
+        ElementModel
+            The model. Equal models are the same object, so that their functions are compiled once.
         """
         return shared_model(replace(self.complete_element, active=active, aim=aim))
 
@@ -109,9 +121,16 @@ class OcpProblem(ABC):
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            Latest motion: u, u̇, ü at the start, ü at the end, and length of each element.
+            Latest motion: u, u̇, ü at the start, ü at the end (m numbers each), and length of each
+            element.
         backoff : (n, active constraints) array
-            Reduction of the bound of every active path constraint in every element.
+            Reduction of the bound of every active path constraint in every element. It makes the
+            motion keep the limit between the instants at which the program imposes it.
+
+        Returns
+        -------
+        NlpData
+            All numbers of the program.
         """
         velocity, acceleration, jerk = self.limits
         # Durations of the blocks in the guess.
@@ -199,7 +218,7 @@ class OcpProblem(ABC):
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            u, u̇, ü at the start, ü at the end, and length of each element.
+            u, u̇, ü at the start, ü at the end (m numbers each), and length of each element.
 
         Returns
         -------
@@ -214,11 +233,17 @@ class OcpProblem(ABC):
         return np.where(self.ignored_rows, -np.inf, peaks)
 
     def _breakaway_bound(self) -> Array:
-        """Return the upper bounds of the breakaway constraints, (pairs, rows).
+        """Return the upper bounds of the constraints on joints that start against static friction.
 
-        The pairs (k, j) are those of `NlpStructure.breakaways`. A bound is 1 for a joint that
-        starts or reverses at the beginning of element k and moves in element j. It is infinite for
-        other joints.
+        Each pair (element k, element j) of `NlpStructure.breakaways` is a possible start at the
+        beginning of element k, in the direction that the joint has in element j. A bound is 1 for a
+        joint that starts or reverses at the beginning of element k and moves in element j. It is
+        infinite for other joints.
+
+        Returns
+        -------
+        (pairs, rows) array
+            Bounds. Each row belongs to a motor's constraint (`ElementModel.breakaway_joints`).
         """
         sigma = self.sigma
         joints = self.complete_element.breakaway_joints

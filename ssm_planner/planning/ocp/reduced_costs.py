@@ -27,11 +27,13 @@ def constraint_gradient(
     Parameters
     ----------
     element : ElementModel
-        Element model with r path constraints G(z).
+        Functions of one element (time interval), among them its r path constraints G(z).
     z : (n, size of z) array
-        Vectors z of the elements, see `elements.element`.
+        Vectors z of the elements: u, u̇, ü at the start, ü at the end (a number for each coordinate
+        u of the motion), and the length of the element.
     parameters : sequence of arrays
-        Parameter vectors of the element model, (size,) or (n, size) each.
+        Constants of these functions, such as limits: (size,) for one vector that all elements
+        share, otherwise (n, size).
     multipliers : (n, 3 r) array
         Multipliers λ of the r constraints at start, middle and end of each element.
 

@@ -81,7 +81,10 @@ class RefinementState:
     elements: Array
     """Elements of the latest solution, or those of the guess, (n, 4 m + 1)."""
     warm: NlpSolution | None = None
-    """Solution with the multipliers at which the next solve starts. None: a start without them."""
+    """Solution at whose variables and multipliers the next solve starts (a warm start).
+
+    None: the next solve starts at `elements`, without multipliers.
+    """
 
     @classmethod
     def from_guess(cls, problem: OcpProblem, guess: Array) -> "RefinementState":
@@ -116,10 +119,16 @@ class RefinementState:
         Parameters
         ----------
         aim : str
-            Cost in addition to time, see `elements.element.Aim`.
+            Cost in addition to time: "time" (none), "heat" or "cooling" (heat of the motors without
+            or with weights), or "effort" (torque that the speed needs).
         duration : (float, float) or None
             Smallest and largest duration of a motion of least cost, in scaled time. None: the
             duration is minimised.
+
+        Returns
+        -------
+        NlpProgram
+            Structure, functions of one element (with the active constraints), and data.
         """
         structure = self.problem.structure
         element = self.problem.element(self.active, aim)
@@ -133,7 +142,18 @@ class RefinementState:
         return structure, element, data
 
     def solve(self, program: NlpProgram) -> NlpSolution:
-        """Solve a program from the latest motion, by the solver that the problem's method names."""
+        """Solve a program from the latest motion, by the solver that the problem's method names.
+
+        Parameters
+        ----------
+        program : NlpProgram
+            Structure, functions of one element, and data, from the method `program`.
+
+        Returns
+        -------
+        NlpSolution
+            The solution, or the status of the failure.
+        """
         structure, element, data = program
         if self.problem.method == "Ipopt":
             return Transcription.build(structure, element).solve(data, self.elements)
@@ -211,7 +231,8 @@ def solve_to_tolerance(
     state : RefinementState
         Initial state, with the problem and the guess.
     aim : str
-        Cost in addition to time, see `elements.element.Aim`.
+        Cost in addition to time: "time" (none), "heat" or "cooling" (heat of the motors without or
+        with weights), or "effort" (torque that the speed needs).
     duration : (float, float) or None
         Smallest and largest duration of a motion of least cost, in scaled time. None: the duration
         is minimised.
@@ -269,6 +290,12 @@ def _next_state(
         Excess of every path constraint over its limit in every element.
     may_divide : bool
         True if elements may be divided.
+
+    Returns
+    -------
+    RefinementState
+        The state. Its field `warm` is set only in step 3, because steps 1 and 2 change the number
+        of constraints, so the multipliers of the last solution no longer fit.
     """
     # Violated constraints that are not part of the program.
     missed = constraints_above(state.problem.row_names, violation, LIMIT_TOLERANCE) - state.active

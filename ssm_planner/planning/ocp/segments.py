@@ -3,6 +3,10 @@
 Every joint keeps its direction within a segment. Two neighbouring segments meet at a border, which
 is a given point, a reversal of a joint, or a passage of the port (incision) of an eye. `guesses`
 creates the segments, and `free_problem` reads them.
+
+The mesh divides a segment into elements (time intervals). An arc is a group of consecutive elements
+between two switching points, that is, instants at which the acceleration of a joint jumps in the
+guess (with a jerk limit: at which its jerk jumps).
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -26,7 +30,10 @@ class SegmentGuess:
     """q, q̇, q̈ at the start and q̈ at the end of the elements, (n, 4) each, and lengths (n, 1), s.
     """
     arcs: tuple[int, ...]
-    """Number of elements of each arc, that is, between two consecutive switching points."""
+    """Number of elements of each arc, that is, between two consecutive switching points.
+
+    At a switching point, the acceleration of a joint jumps in the guess, or its jerk.
+    """
 
     @classmethod
     def sampled(cls, motion: Trajectory, instants: Array, arcs: tuple[int, ...]) -> "SegmentGuess":
@@ -39,7 +46,12 @@ class SegmentGuess:
         instants : (n + 1,) array
             Ends of the elements, s.
         arcs : tuple of int
-            Number of elements of each arc.
+            Number of elements of each arc (between two switching points). Their sum is n.
+
+        Returns
+        -------
+        SegmentGuess
+            Elements with the positions, velocities and accelerations of the motion.
         """
         starts, ends = motion.sample(instants[:-1]), motion.sample(instants[1:], side="left")
         lengths = np.diff(instants)[:, None]
@@ -69,7 +81,7 @@ class SegmentGuess:
         position : float
             Position of the joint between both halves, rad or m.
         least_count : int
-            Smallest number of elements of an arc.
+            Smallest number of elements of an arc (between two switching points).
 
         Returns
         -------
@@ -99,13 +111,19 @@ class SegmentGuess:
         Parameters
         ----------
         span : (float, float)
-            Start and end of the interval, s.
+            Start and end of the interval in the time of the guess, s.
         joint : int
             Index of the joint whose motion is taken from another interval.
         joint_span : (float, float)
-            Start and end of that interval, s. Its motion is stretched to the duration of `span`.
+            Start and end of the interval from which this joint's motion is taken, s. The motion is
+            stretched or compressed in time to the duration of `span`.
         least_count : int
-            Smallest number of elements of an arc.
+            Smallest number of elements of an arc (between two switching points).
+
+        Returns
+        -------
+        SegmentGuess
+            The guess during `span`.
         """
         (start, end), motion = span, self.motion
         gap = MIN_ARC_SHARE * motion.duration
@@ -127,14 +145,18 @@ def divide_arcs(
 ) -> tuple[tuple[int, ...], Array]:
     """Divide the arcs between switching instants into elements of equal length.
 
+    The elements end at the switching instants, because a cubic polynomial cannot represent a jump
+    of the acceleration within an element.
+
     Parameters
     ----------
     switches : sequence of k floats
-        Switching instants, s. The acceleration of a joint changes at each.
+        Start, switching instants and end, s. The acceleration of a joint (with a jerk limit: its
+        jerk) jumps at each switching instant.
     density : float
         Approximate number of elements per second.
     least_count : int
-        Smallest number of elements of an arc.
+        Smallest number of elements of an arc, even if it is short.
 
     Returns
     -------
@@ -177,6 +199,12 @@ def sample_curves(
         Approximate number of elements per second.
     least_count : int
         Smallest number of elements of an arc between two switching instants.
+
+    Returns
+    -------
+    SegmentGuess
+        Elements whose positions and velocities at the start, and accelerations at both ends, are
+        those of the closed forms.
     """
     arcs, t = divide_arcs(switches, density, least_count)
     middle, lengths = (t[1:] + t[:-1]) / 2, np.diff(t)
@@ -199,7 +227,10 @@ class SegmentChain:
     points: Array
     """Joint positions at the borders, (k + 1, 4), rad and m."""
     fixed: Mask
-    """True for positions that are given, False for those that are only guesses, (k + 1, 4)."""
+    """True for positions that are given, (k + 1, 4).
+
+    False for positions that are only guesses, at a free border. The solver determines them.
+    """
     directions: Array
     """Direction +1, −1 or 0 of every joint in every segment, (k, 4)."""
     guesses: tuple[SegmentGuess, ...]
@@ -219,6 +250,11 @@ class SegmentChain:
         free : collection of int
             Indices of chains that begin at a free border. The positions of joints that move before
             and after such a border are only guesses.
+
+        Returns
+        -------
+        SegmentChain
+            The segments of all chains.
         """
         first, *later_chains = chains
         fixed = [first.fixed.copy()]
@@ -242,10 +278,15 @@ class SegmentChain:
         Parameters
         ----------
         one_block_per_segment : bool
-            True if the duration of a segment is one unknown. Otherwise each arc between two
-            switching points has its own duration.
+            True if the duration of a segment is one unknown. Otherwise each arc (between two jumps
+            of a joint's acceleration in the guess) is a block, whose duration is an unknown.
         has_continuous_acceleration : bool
             True if accelerations are continuous, because jerk is limited.
+
+        Returns
+        -------
+        NlpStructure
+            Numbers of elements, segments and blocks, and the joints that move in each segment.
         """
         sizes = tuple(sum(guess.arcs) for guess in self.guesses)
         arcs = [count for guess in self.guesses for count in guess.arcs]
@@ -276,7 +317,12 @@ class SegmentChain:
             Returns True if the tip, at joint positions (4,), is closer to the retina than allowed.
             Only the port permits such a position.
         least_count : int
-            Smallest number of elements of an arc.
+            Smallest number of elements of an arc (between two switching points).
+
+        Returns
+        -------
+        SegmentChain
+            The chain with one more segment for each passage. `ports` contains the new borders.
         """
         points, fixed, ports = [self.points[0]], [self.fixed[0]], []
         directions: list[Array] = []

@@ -100,7 +100,8 @@ def solve_straight(
     count : int or None
         Number of elements. None: chosen by the path.
     method : str
-        Solution method, see `nlp.Method`.
+        Solution method: "Ipopt" alone, "structured" (the structured solver alone), "confirmed" (the
+        structured solver, whose result Ipopt confirms), or "estimated" (only the duration counts).
     work : Work or None
         Counter of the computational work.
 
@@ -215,6 +216,12 @@ class _StraightProblem(OcpProblem):
             Solution in scaled time.
         end_speed : float
             ṡ at the end, 1/s. It replaces the solver's value, which contains rounding.
+
+        Returns
+        -------
+        PhaseSolution
+            The motion with `POLYNOMIALS_PER_ELEMENT` polynomials in each element, or the status and
+            message of the failure.
         """
         if not solution.solved:
             return PhaseSolution.from_solver(solution)
@@ -255,7 +262,10 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def complete_element(self) -> StraightElement:
-        """Element model with the path constraints of moving joints, motors and the tool."""
+        """Functions of one element, with the path constraints of joints, motors and the tool.
+
+        Joints that rest on the whole path have no constraints on velocity, acceleration and jerk.
+        """
         moving = np.abs(self.path.coarse_samples.dq).max(axis=0) > 0
         rows: set[RowName] = set().union(*(torque_row_names(self.robot, i) for i in range(4)))
         for i in np.flatnonzero(moving):
@@ -276,12 +286,12 @@ class _StraightProblem(OcpProblem):
         return frozenset(name for name in self.row_names if name[0] == JointJerk.name)
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the parameter vectors of the element model for a motion.
+        """Return the constants with which the functions of the elements are evaluated.
 
         Parameters
         ----------
         elements : (n, 5) array
-            s, ṡ, s̈ at the start, s̈ at the end, and length of each element.
+            Latest motion: s, ṡ, s̈ at the start, s̈ at the end, and length of each element.
 
         Returns
         -------
@@ -333,6 +343,9 @@ def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
 
 def _path_jerk_limits(robot: Robot, path: JointPath, s: Array) -> Array:
     """Return the largest s⃛ that the jerk limits of the joints allow while ṡ is small.
+
+    The jerk of joint i is q'_i s⃛ + 3 q''_i ṡ s̈ + q'''_i ṡ³, with primes for derivatives with
+    respect to s. For small ṡ, only the first term matters.
 
     Parameters
     ----------

@@ -3,8 +3,9 @@
 Direct transcription replaces the unknown motion by cubic polynomials on the elements of a mesh, and
 imposes the path constraints at a few instants of each element (collocation points). A motion along
 a path has one coordinate, the path parameter s. The coordinates of a free motion are its moving
-joints. `Transcription.build` states the program from top to bottom. Only the element model differs
-between both kinds of motion.
+joints. `Transcription.build` states the program from top to bottom. Only the element model (the
+path constraints and the cost as functions of the motion in one element) differs between both kinds
+of motion.
 """
 
 from collections.abc import Callable
@@ -48,17 +49,21 @@ class Transcription:
     """
 
     structure: NlpStructure
-    """Structure of the program."""
+    """Numbers of elements, segments and blocks, and kinds of constraints of the program."""
     element: ElementModel
-    """Element model with the path constraints and the cost."""
+    """Path constraints and cost as functions of the motion in one element."""
     solver: Callable[[Start], ca.Function] = field(compare=False)
-    """Returns Ipopt's solver for a kind of start, see `ipopt.Start`."""
+    """Returns Ipopt's solver for a kind of start.
+
+    The kinds are "cold" (from a guess), "brief" (from a guess, with few iterations) and
+    "confirming" (from a solution of the structured solver).
+    """
     native: MappedElements | None = field(compare=False)
     """Functions of the elements in C. None without the compiled part."""
     parameters: Layout = field(compare=False)
-    """Layout of the parameters of the program itself, by their names in `NlpData`.
+    """Names and positions of the parameters of the program itself, which are fields of `NlpData`.
 
-    They follow the parameters of the element model.
+    In the vector p of all parameters, they follow the constants of the element functions.
     """
     sizes: dict[str, int] = field(compare=False)
     """Number of constraints in every group, by name, in the order of the groups.
@@ -71,7 +76,8 @@ class Transcription:
     def build(cls, structure: NlpStructure, element: ElementModel) -> "Transcription":
         """Build the program and its solvers. Equal structures and models share the result.
 
-        With n elements k, m coordinates and b blocks of duration T, the program is
+        A block is a group of consecutive elements that share one unknown duration in fixed
+        proportion. With n elements k, m coordinates u and b blocks of duration T, the program is
 
             min   w_t Σ T + w_c Σ L(z_k) + 3 w_s Σ ∫ (ü/limit)² dt + w_v var(T / T_least)
             s.t.  u, u̇ continuous, ü too if jerk is limited;
@@ -86,9 +92,14 @@ class Transcription:
         Parameters
         ----------
         structure : NlpStructure
-            Structure of the program.
+            Numbers of elements, segments and blocks, and kinds of constraints of the program.
         element : ElementModel
-            Element model with the path constraints and the cost.
+            Path constraints and cost as functions of the motion in one element.
+
+        Returns
+        -------
+        Transcription
+            The program, from which `solve` starts Ipopt with the numbers of one problem.
         """
         symbols = ProgramSymbols.build(structure, element)
         duration = ca.sum1(symbols.times)
@@ -125,7 +136,8 @@ class Transcription:
         data : NlpData
             Parameters and bounds.
         elements : (n, 4 m + 1) array
-            Initial point: u, u̇, ü at the start, ü at the end, and length of each element.
+            Initial point: u, u̇, ü at the start, ü at the end (m numbers each), and length of each
+            element.
         confirming : bool
             True if the initial point is a solution of the structured solver.
 
@@ -166,9 +178,18 @@ class Transcription:
         ----------
         data : NlpData
             Bounds of the program.
-        variable_multipliers, constraint_multipliers : arrays
-            Multipliers of the bounds on the variables, (4 m n + b,), and of the bounds on the
-            constraints. They are negative at lower bounds.
+        variable_multipliers : (4 m n + b,) array
+            Multipliers of the bounds on the variables: u, u̇, ü at the start and ü at the end of
+            each of n elements (m numbers each), and the durations of b blocks. They are negative at
+            lower bounds.
+        constraint_multipliers : array
+            Multipliers of the bounds on all constraints, in the order of the groups in `sizes`,
+            followed by the path constraints. They are negative at lower bounds.
+
+        Returns
+        -------
+        Multipliers
+            Multipliers of the path constraints, (n, 3 r), and of the directions, (n, m).
         """
         n, m = self.structure.elements, self.structure.coordinates
         # Multipliers of the bounds on the middle Bernstein coefficient of u̇.
@@ -189,8 +210,10 @@ class Transcription:
     def _without_implied_bounds(self, data: NlpData) -> NlpData:
         """Return the data without the bounds of u that follow from other constraints.
 
-        The structured solver does not have these bounds either. In a confirmation, their barrier
-        would move the point at which Ipopt stops.
+        A coordinate that keeps its direction stays between its positions at both ends of a segment
+        anyway. The structured solver does not have these bounds either. When Ipopt confirms a
+        solution of that solver, the logarithmic barrier of superfluous bounds would move the point
+        at which Ipopt stops.
         """
         positions = slice(self.structure.coordinates)
         needed = data.needs_position_bounds(self.structure) | data.is_fixed[:, positions]
@@ -207,7 +230,14 @@ class Transcription:
         data : NlpData
             Parameters and bounds.
         elements : (n, 4 m + 1) array
-            Elements of the initial point.
+            Initial point: u, u̇, ü at the start, ü at the end (m numbers each), and length of each
+            element.
+
+        Returns
+        -------
+        dict
+            x0: initial variables. p: parameters. lbx, ubx: bounds of the variables. lbg, ubg:
+            bounds of the constraints.
         """
         limited = self.structure.moving & self.structure.velocity_limits
         # Lower and upper bounds of the groups of constraints, by the names in `sizes`.
@@ -247,13 +277,19 @@ def _regularisation(structure: NlpStructure, cubic: CubicPiece, times: ca.MX, p:
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program.
-    cubic : Cubic
-        The elements, (m, n) each.
+        Numbers of elements, segments and blocks, and kinds of constraints of the program.
+    cubic : CubicPiece
+        The elements, whose fields have the shape (m, n) for m coordinates and n elements.
     times : (b,) MX
         Durations of the blocks.
     p
-        Parameters of the program by name.
+        Parameters of the program by name. The limits `acceleration` of ü and the lower bounds
+        `least_times` of the durations are used.
+
+    Returns
+    -------
+    MX
+        The sum of both terms, a scalar.
     """
     r0, r1 = (a / ca.repmat(p.acceleration, 1, structure.elements) for a in (cubic.a0, cubic.a1))
     smoothing = (
@@ -275,11 +311,16 @@ def _dynamics_constraints(structure: NlpStructure, cubic: CubicPiece, end: ca.MX
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program.
-    cubic : Cubic
-        The elements, (m, n) each.
+        Numbers of elements and coordinates, and in which elements a coordinate moves.
+    cubic : CubicPiece
+        The elements, whose fields have the shape (m, n) for m coordinates and n elements.
     end : (2 m,) MX
-        u and u̇ at the end of the motion.
+        u and u̇ at the end of the motion, m numbers each.
+
+    Returns
+    -------
+    MX
+        Differences as one vector. Coordinates at rest contribute none.
     """
     m, moving = structure.coordinates, structure.moving
     u_after, v_after = cubic.end
@@ -307,11 +348,16 @@ def _joint_limit_constraints(
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program.
-    cubic : Cubic
-        The elements, (m, n) each.
+        Which coordinates move in which elements, and which limits apply.
+    cubic : CubicPiece
+        The elements, whose fields have the shape (m, n) for m coordinates and n elements.
     jerk : (m,) MX
         Limits of |u⃛|.
+
+    Returns
+    -------
+    dict
+        Two vectors, "velocity" and "jerk". A limit that does not apply contributes no entries.
     """
     moving = structure.moving
     jerk_limited = moving & (
@@ -333,14 +379,23 @@ def _breakaway_constraints(
 ) -> ca.MX:
     """Return the torque constraints of joints that start to move, with static friction.
 
+    Static friction exceeds the friction in motion. The motor of a joint that starts or reverses
+    must overcome it (break away), so this instant has constraints of its own.
+
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program. Its `breakaways` are the instants and directions of the starts.
+        Structure of the program. Its pairs `breakaways` state the element at whose beginning a
+        joint may start, and the element from which the joint takes its direction.
     element : ElementModel
-        Element model, which contains the friction law.
+        Functions of one element. Its method `breakaway` contains the friction law.
     symbols : ProgramSymbols
         Variables and parameters of the program.
+
+    Returns
+    -------
+    MX
+        Constraints of all pairs as one vector.
     """
     sigma, *other_parameters = symbols.element_parameters
     rows = []

@@ -39,12 +39,16 @@ def fastest_profile(
 ) -> Array | None:
     """Compute the fastest motion on a grid within linear constraints.
 
+    The backward pass finds the values of ṡ² from which the end can be reached, and the forward pass
+    takes the largest of them (see the module's docstring). Both run in C if the compiled part of
+    the package is there, otherwise in the package toppra.
+
     Parameters
     ----------
     grid : (n + 1,) array
-        Values of s.
+        Values of the path parameter s.
     rows : LinearConstraints
-        Constraints at the grid points, with k = 0.
+        Constraints a s̈ + b ṡ² + c ≤ 1 at the grid points. The coefficients k of ṡ must be 0.
     speeds : (float, float)
         ṡ at both ends, 1/s.
 
@@ -62,7 +66,10 @@ def fastest_profile(
     arrays = [
         np.ascontiguousarray(values) for values in (grid, rows.a, rows.b, rows.c, rows.ceiling)
     ]
-    # The C function writes to `result` and needs a workspace.
+    # The C function writes to `result`. In the workspace it keeps the bounds lo and hi of ṡ² at the
+    # n + 1 grid points, and the intercept and slope of each line: each of m constraints gives two
+    # lines (one at either end of an interval), so 4 m numbers for the lines U_i of every interval,
+    # and 4 m more for the lines L_i of the present one. Another 4 m numbers remain unused.
     pointers = [ctypes.c_void_p(values.ctypes.data) for values in (*arrays, result, workspace)]
     sizes = map(ctypes.c_long, (n, m))
     ends = map(ctypes.c_double, (speeds[0] ** 2, speeds[1] ** 2))
@@ -72,10 +79,24 @@ def fastest_profile(
 def _fastest_by_toppra(
     grid: Array, rows: LinearConstraints, speeds: tuple[float, float]
 ) -> Array | None:
-    """Compute the result of `fastest_profile` with the package toppra.
+    """Compute the fastest motion on a grid by the package toppra, without the compiled part.
 
     The tolerances of toppra are absolute, about 1e-8. ṡ² is therefore expressed in thousandths of
     its typical value.
+
+    Parameters
+    ----------
+    grid : (n + 1,) array
+        Values of the path parameter s.
+    rows : LinearConstraints
+        Constraints a s̈ + b ṡ² + c ≤ 1 at the grid points. The coefficients k of ṡ must be 0.
+    speeds : (float, float)
+        ṡ at both ends, 1/s.
+
+    Returns
+    -------
+    (n + 1,) array or None
+        ṡ² at the grid points. None if there is no motion.
     """
     if speeds[1] ** 2 > (1 + ROUNDING_TOLERANCE) * rows.ceiling[-1]:
         return None
