@@ -1,8 +1,10 @@
 """Guesses of the velocities at via points, for joints that reverse near a point.
 
-A joint that is faster than the others may use its spare time to move beyond a via point, or to take
-a run-up, and pass the point at speed. `suggest_via_velocities` finds such joints without a solver
-of the whole problem: it considers each joint as if it were alone, with unknown velocities at the
+A via point is a given point between the start and the end of a free motion. The velocities of the
+joints there are called via velocities. A joint that is faster than the others may use its spare
+time to pass a via point at speed: it moves beyond the point and returns, or it first moves
+backwards and accelerates towards the point (a run-up). `suggest_via_velocities` finds such joints
+without a solver of the whole problem: it considers each joint as if it were alone, with unknown velocities at the
 via points. Closed forms then give the duration of each segment between two points. The velocities
 that minimise the sum of the durations show at which points a joint should pass at speed instead of
 resting there.
@@ -44,13 +46,13 @@ def suggest_via_velocities(phase: Phase) -> Borders | None:
     Parameters
     ----------
     phase : Phase
-        A free phase with its problem.
+        An entry of the motion list whose path the solver may choose, with its problem and points.
 
     Returns
     -------
     Borders or None
-        The points with the velocities there. None if reversals between the points save less than
-        the share `MIN_SAVING` of the duration.
+        The points with the velocities there, from which the solver's first guess is built. None if
+        reversals between the points save less than the share `MIN_SAVING` of the duration.
     """
     problem = phase.problem
     velocity, acceleration = problem.robot.velocities, problem.robot.accelerations
@@ -72,7 +74,8 @@ def suggest_via_velocities(phase: Phase) -> Borders | None:
 class _ViaVelocityProblem:
     """Joints that pass the via points at the same instants, each limited as if it were alone.
 
-    The motion has n segments between points.
+    The motion has n segments, one between each pair of consecutive points, so there are n − 1 via
+    points between them.
     """
 
     displacements: Array
@@ -85,9 +88,17 @@ class _ViaVelocityProblem:
     """Largest accelerations of the joints, (4,)."""
 
     def times(self, speeds: Array) -> Array:
-        """Return the shortest times (n, 4) of the joints in the segments, s.
+        """Return the shortest time that each joint needs for each segment by itself.
 
-        `speeds` (n − 1, 4) are the joint velocities at the via points.
+        Parameters
+        ----------
+        speeds : (n − 1, 4) array
+            Joint velocities at the via points, rad/s and m/s.
+
+        Returns
+        -------
+        (n, 4) array
+            Times, s.
         """
         velocities = np.vstack([self.ends[0], speeds, self.ends[1]])
         return minimum_times(
@@ -95,7 +106,13 @@ class _ViaVelocityProblem:
         )
 
     def duration(self, speeds: Array) -> float:
-        """Return the total duration for joint velocities (n − 1, 4) at the via points, s."""
+        """Return the total duration in s, if the slowest joint decides in every segment.
+
+        Parameters
+        ----------
+        speeds : (n − 1, 4) array
+            Joint velocities at the via points, rad/s and m/s.
+        """
         return float(self.times(speeds).max(axis=1).sum())
 
     def minimise_duration(self, speeds: Array, *, may_reverse: bool) -> Array:
@@ -176,8 +193,9 @@ class _ViaVelocityProblem:
         Returns
         -------
         (4 n, n + 4 (n − 1)) array
-            Derivatives of the margins of all segments and joints. The columns are the T_k / unit
-            and `shares`.
+            Derivatives of the margins. There is one row for each of the 4 joints in each of the n
+            segments. The columns belong to the unknowns: n durations T_k / unit, and the velocities
+            `shares` of 4 joints at n − 1 via points.
         """
         n = len(self.displacements)
         times = self.times(shares * self.velocity)
@@ -195,16 +213,22 @@ class _ViaVelocityProblem:
         return gradients.reshape(4 * n, -1)
 
     def without_idle_velocities(self, speeds: Array) -> Array:
-        """Return the velocities (n − 1, 4) at via points without those that save almost no time.
+        """Set velocities at via points to 0 if they save almost no time.
 
-        Each velocity forces a reversal. The velocities are set to 0 one after the other, the
-        smallest ones first, as long as the duration grows by less than the share `IDLE_TOLERANCE`
-        in all.
+        A velocity at a point at which the joint could rest forces a reversal before or after the
+        point, which makes the optimal control problem larger. The velocities are set to 0 one after
+        the other, the smallest ones first, as long as the duration grows by less than the share
+        `IDLE_TOLERANCE` in all.
 
         Parameters
         ----------
         speeds : (n − 1, 4) array
             Joint velocities at the via points.
+
+        Returns
+        -------
+        (n − 1, 4) array
+            The remaining velocities, and 0 for the others.
         """
         result = speeds.copy()
         longest = (1 + IDLE_TOLERANCE) * self.duration(speeds)

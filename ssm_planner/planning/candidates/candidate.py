@@ -1,7 +1,8 @@
 """Base class of all candidates, and the record of how far a candidate was computed.
 
-A candidate is one way to move a phase, or the whole problem. To add one for phases, derive a class
-from `PhaseCandidate` in a new file and add it to `listed.CANDIDATE_KINDS`. The class says
+A phase is one entry of the motion list of a problem. A candidate is one way to move a phase, or the
+whole problem, for example directly or in two parts. To add one for phases, derive a class from
+`PhaseCandidate` in a new file and add it to `listed.CANDIDATE_KINDS`. The class says
 
 - when the candidate is worth trying (`suggested`),
 - which duration it cannot beat (`bound`),

@@ -52,7 +52,12 @@ class InParts(FallbackCandidate):
         phase : Phase
             The part. A requested duration is ignored.
         *others : types of PhaseCandidate
-            Further kinds of candidates.
+            Further kinds of candidates, that is, ways to move the part.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The part with its motion, or the reason why it has none.
         """
         kinds: list[type[PhaseCandidate]] = [Direct, Detour, *others]
         untimed = replace(phase, motion=unchecked_copy(phase.motion, duration=None))
@@ -129,8 +134,21 @@ class InTurn(InParts):
     ) -> Iterator[PhaseCandidate]:
         """Yield the orders with the smallest bounds, if a motor is too weak for the direct motion.
 
-        An order is a subset of the joints that moves first. In each order that is yielded, every
-        motor is strong enough at the ends of both parts.
+        An order is a subset of the joints that moves first, with the share of its displacement that
+        it covers before the rest. In each order that is yielded, every motor is strong enough at
+        the ends of both parts.
+
+        Parameters
+        ----------
+        planner : PhasePlanner
+            The phase and its solvers.
+        reason : Reason
+            Reason why the direct motion was not found. Its limit tells whether a motor is too weak.
+
+        Yields
+        ------
+        InTurn
+            At most `MAX_ORDERS` candidates, those with the smallest lower bounds first.
         """
         phase = planner.phase
         is_too_weak = isinstance(reason.limit, MotorTorque)
@@ -154,7 +172,10 @@ class InTurn(InParts):
         return sum(part.lower_bound for part in _split_phase(self.planner.phase, self.between))
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return both motions joined into one, or the reason why one of them was not found."""
+        """Return both motions joined into one, or the reason why one of them was not found.
+
+        Neither argument is used, because this kind of candidate has no estimate.
+        """
         first, last = _split_phase(self.planner.phase, self.between)
         result = self._plan_part(first)
         return result if isinstance(result, Reason) else self._append_part(result.motion, last)
@@ -186,8 +207,13 @@ def _split_phase(phase: Phase, between: Array) -> tuple[Phase, Phase]:
 def _are_feasible(parts: tuple[Phase, Phase]) -> bool:
     """Return True if both parts of a phase can be moved, as far as simple checks tell.
 
-    Both parts must move, no limit may forbid a place on them, and every motor must be strong enough
-    at the ends of both parts.
+    Both parts must move, no limit may forbid the joint positions at their ends, and every motor
+    must be strong enough there.
+
+    Parameters
+    ----------
+    parts : tuple of two Phase
+        The parts before and after the rest, in the order of time.
     """
     if any(part.is_at_rest for part in parts) or check_places(parts) is not None:
         return False

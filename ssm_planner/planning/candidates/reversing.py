@@ -1,8 +1,9 @@
 """Free motions on which joints reverse between the points because this saves time.
 
-Between two points, the multipliers of the direct motion suggest the reversals (`reversals.py`). At
-via points, closed forms suggest velocities at the points that require reversals beside them
-(`via_velocities.py`).
+The direct motion is the one whose joints reverse only where they must. If it has no via points, its
+Lagrange multipliers suggest the reversals (`reversals.py`). If it has via points (given points
+between start and end), closed forms suggest velocities at these points. A joint that passes its
+point at such a velocity must reverse before or after it (`via_velocities.py`).
 """
 
 from collections.abc import Iterator
@@ -43,6 +44,19 @@ class Reversing(PhaseCandidate):
         This is the case if the estimate of the direct motion exceeds its lower bound by `GAP` (by
         `MIN_SAVING` at via points), or if the direct motion takes longer than the requested
         duration.
+
+        Parameters
+        ----------
+        planner : PhasePlanner
+            The phase and its solvers.
+        latest : Evaluation or None
+            The candidate that the search has just estimated or solved, with its result. Only the
+            direct motion suggests reversals. None at the beginning.
+
+        Yields
+        ------
+        PhaseCandidate
+            At most one candidate.
         """
         if latest is None or latest.candidate.kind != "direct" or not _applies(planner):
             return
@@ -59,7 +73,8 @@ class Reversing(PhaseCandidate):
         """Return a motion on which joints reverse just before or after the via points.
 
         Without such a reversal, a joint that reverses at a via point must stop there. With it, the
-        joint passes the point at speed and reverses beyond it, or takes a run-up to the next point.
+        joint passes the point at speed and reverses beyond it, or it first moves backwards in order
+        to accelerate towards the point (a run-up).
         The result is `NO_SAVING` unless the motion is shorter than the motion without these
         reversals by at least the fraction `MIN_SAVING` of its duration.
         """
@@ -73,8 +88,19 @@ class Reversing(PhaseCandidate):
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
         """Return the fastest motion with the reversals that the multipliers suggest.
 
-        It is solved on a coarse mesh, without Ipopt's confirmation. Returns None for a phase with
-        via points, whose reversals need no estimate.
+        It is solved on a coarse mesh, without Ipopt's confirmation.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s from which on a motion is of no use. This kind does not read it, because
+            each round of the search for reversals compares with the motion of the previous round.
+
+        Returns
+        -------
+        PlannedPhase, Reason or None
+            The phase with its estimated motion, or the reason `NO_SAVING`. None for a phase with
+            via points, whose reversals need no estimate.
         """
         planner = self.planner
         if len(planner.phase.points) > 2:
@@ -98,6 +124,18 @@ class Reversing(PhaseCandidate):
         It is solved on a finer mesh than the estimate. With the planner `fast` and the objective
         `time`, the estimate itself is the solution if the finer mesh gives no motion, or one that
         is longer than `cutoff`.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s from which on a motion is of no use.
+        estimate : PlannedPhase or None
+            The motion that the method `estimate` returned. None for a phase with via points.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why reversals give none.
         """
         if estimate is None:
             return self._reverse_beside_points()

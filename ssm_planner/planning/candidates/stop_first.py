@@ -60,6 +60,7 @@ class StopFirst(InParts):
         """Return both motions joined into one, or the reason why one of them was not found.
 
         The motion after the stop may also be a line in task coordinates, or move some joints first.
+        Neither argument is used, because this kind of candidate has no estimate.
         """
         stop = self._stop()
         if stop is None:
@@ -70,7 +71,14 @@ class StopFirst(InParts):
         """Return the stop after which the lower bound on the complete duration is smallest.
 
         There are two stops for each of `ACCELERATION_SHARES`: every joint stops as soon as it can,
-        or all joints stop at the same time. Returns None if no stop satisfies the limits.
+        or all joints stop at the same time. The first share with which a stop keeps all limits
+        decides. If both of its stops keep them, the one is taken that leaves the shorter way: the
+        sum of its duration and of the lower bound of the rest of the phase is smallest.
+
+        Returns
+        -------
+        PhaseSolution or None
+            Motion to rest. None if no stop satisfies the limits.
         """
         robot, phase = self.planner.strict, self.planner.phase
         for share in ACCELERATION_SHARES:
@@ -88,7 +96,21 @@ class StopFirst(InParts):
 
 
 def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
-    """Return the part of a phase that follows a stop. It rests if the stop ends at the target."""
+    """Return the part of a phase that follows a stop.
+
+    Parameters
+    ----------
+    phase : Phase
+        The free phase, which begins at speed.
+    stop : PhaseSolution
+        Motion in which the robot stops.
+
+    Returns
+    -------
+    Phase
+        Phase from rest, from the end of the stop through the remaining points. The robot rests in
+        it if the stop ends at the only remaining point.
+    """
     end = stop.trajectory.positions(stop.breaks[-1:])
     points = np.vstack([end, phase.points[1:]])
     if len(points) == 2 and np.abs(np.diff(points, axis=0)).max() <= ROUNDING_TOLERANCE:
