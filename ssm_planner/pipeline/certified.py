@@ -103,8 +103,7 @@ def plan_and_check(
     on_motion : callable
         Called with each motion before its check.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time, as in `plan_motion`. None: heat does not
-        count.
+        Weights of the motors' heat relative to time in the objective. None: heat does not count.
     may_overheat : bool
         True if a motion is planned even if every motion makes a motor too hot.
 

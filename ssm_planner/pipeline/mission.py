@@ -1,7 +1,8 @@
 """Search for the fastest certified motion over all joint positions that reach the targets.
 
 Several joint positions reach a target of a free motion that is given in task coordinates, or as a
-position of the tip. The problem is first planned with the nearest ones. `plan_mission` then treats
+position of the tip. They are called alternatives. The problem is first planned with the nearest
+ones. `plan_mission` then treats
 one target after the other and searches the fastest motion of the whole problem among other joint
 positions there. `planning/candidates/other_joints.py` contains these candidates, and
 `planning/search.py` the search.
@@ -113,7 +114,7 @@ class _Search:
     hint: str = ""
     """End of the messages, which says how the user can stop the search."""
     entries: dict[int, list[CandidateEntry]] = field(default_factory=dict)
-    """Alternatives by the index of their phase, as `Evaluation.to_dict` returns them."""
+    """Alternatives by the index of their phase, as the entries of `candidates` in plan.json."""
 
     @property
     def outcome(self) -> Outcome:
@@ -211,6 +212,16 @@ def open_targets(problem: Problem) -> list[tuple[int, int]]:
 
 
 def _phases_to_search(problem: Problem) -> tuple[Phase, ...]:
-    """Return the planned phases, or those of the first start configuration."""
+    """Return the phases of the problem, even if geometry forbids all of its start configurations.
+
+    A start configuration is one of the joint positions that reach a start in task coordinates. If a
+    limit forbids a place with each of them, the phases are those of the first one. The search for
+    other joint positions at the targets needs them.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    """
     phases, _ = feasible_phases(problem)
     return phases or build_phases(problem, start_configurations(problem)[0])

@@ -307,7 +307,7 @@ class _RelaxationSearch:
     work: Work
     """Counter of the work of both."""
     limit: float
-    """Work after which no further trial begins."""
+    """Work (the field `spent` of the counter) after which no further trial begins."""
 
     @property
     def has_budget(self) -> bool:
@@ -364,6 +364,19 @@ class _RelaxationSearch:
         A share is the part of the full change of the limit. The bisection ends when the largest
         share without a motion is at least `BISECTION_ACCURACY` times the smallest share with a
         motion.
+
+        Parameters
+        ----------
+        relaxation : Relaxation
+            The change.
+        shares : sequence of float
+            Increasing shares of the change, tried in turn until one gives a motion.
+        lower : float
+            A share that gives no motion.
+        plan : callable
+            Plans a problem. Returns the duration of its motion or a reason.
+        stop_if : callable
+            Returns True for a failed attempt if larger shares cannot help either.
 
         Returns
         -------
@@ -453,7 +466,19 @@ class _RelaxationSearch:
     def first_change_that_helps(self, problem: Problem) -> TriedRelaxation | None:
         """Return the first relaxation of a single limit that gives a motion.
 
-        All limits are relaxed one by one by the first of `TRIAL_SHARES`, then by the next one.
+        All limits are relaxed one by one by the first of `TRIAL_SHARES`, then by the next one. A
+        share is the part of the full change that the limit proposes (`Limit.trials`).
+
+        Parameters
+        ----------
+        problem : Problem
+            The problem without a motion.
+
+        Returns
+        -------
+        TriedRelaxation or None
+            The relaxation with the smallest change that a bisection finds. None if none gives a
+            motion before the work budget is spent.
         """
         for short, share in pairwise((0.0, *TRIAL_SHARES)):
             for relaxation in all_relaxations(problem):
@@ -479,6 +504,11 @@ def _try_relaxation(relaxation: Relaxation, value: float, plan: Planner) -> Trie
         Value of the change, as it is printed.
     plan : callable
         Plans a problem. Returns the duration of its motion or a reason.
+
+    Returns
+    -------
+    TriedRelaxation
+        The relaxation with this value and its outcome.
     """
     try:
         outcome = plan(relaxation.problem(value))
@@ -528,6 +558,11 @@ def _is_other_limit_to_blame(attempt: TriedRelaxation) -> bool:
 
     This is the case if the reason of the failure names another limit, or the same limit in the
     opposite direction.
+
+    Parameters
+    ----------
+    attempt : TriedRelaxation
+        A change of a limit with its outcome.
     """
     if not isinstance(attempt.outcome, Reason) or attempt.outcome.limit is None:
         return False
@@ -543,8 +578,24 @@ def _other_relaxations(
 ) -> Iterator[tuple[Relaxation, Sequence[float]]]:
     """Yield relaxations that change no limit of the robot or the task, with shares to try.
 
-    If a motor gets too hot, they are a pause and a longer duration. If the velocity at an end
-    exceeds a limit, they are lower rates at this end.
+    If a motor gets too hot, they are a pause and a longer duration. If the velocity at an end of
+    the motion exceeds a limit, they are lower rates at this end.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem without a motion.
+    reason : Reason
+        Reason of the failure, with the required and the available value.
+    duration : float or None
+        Duration of the motion in which the check found a limit exceeded, s. None without a motion.
+
+    Yields
+    ------
+    relaxation : Relaxation
+        The change.
+    shares : sequence of float
+        Increasing shares of the change, to be tried in turn.
     """
     limit, required, available = reason.limit, reason.required, reason.available
     if limit is None or required is None or available is None:

@@ -198,6 +198,12 @@ def _with_relaxation(
         Counter of the work.
     on_relaxation : callable
         Called with the relaxed problem if it has a motion.
+
+    Returns
+    -------
+    Reason
+        The reason, whose field `relaxation` describes the change in words. The field remains None
+        if the search finds nothing.
     """
     trajectory = outcome.planned.trajectory
     # The fastest motion is planned soonest, but it is warmer than the requested one.
@@ -268,9 +274,30 @@ class Replanner:
         )
 
     def plan_from(self, motion: Plan | Trajectory, at: float, target: Point | None = None) -> Plan:
-        """Plan from an instant of a motion, s, with the velocity that the robot has then.
+        """Plan from an instant of a motion, with the velocity that the robot has then.
 
-        The other rules are those of `plan`.
+        The plan has passed the check, or holds the reason, without a search for relaxations.
+
+        Parameters
+        ----------
+        motion : Plan or Trajectory
+            Motion that the robot executes.
+        at : float
+            Time since the start of this motion, s.
+        target : Point, optional
+            Target of the last motion of the problem that has one. Task coordinates that it omits
+            keep their values. By default the target of the problem.
+
+        Returns
+        -------
+        Plan
+            The plan, or the reason of the failure.
+
+        Raises
+        ------
+        ProblemError
+            If `at` is not an instant of the motion, if no motion has a target, or if the target
+            must be given in task coordinates.
         """
         there = starting_from(
             replace(self.problem, motion=self._motions_to(target)) if target else self.problem,
@@ -320,10 +347,25 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     can. If this motion would leave a range of task coordinates, it ends at the end of the quickest
     stop along the path of the present motion instead.
 
+    Parameters
+    ----------
+    problem : Problem
+        The problem, whose start is replaced.
+    motion : Plan or Trajectory
+        Motion that the robot executes.
+    at : float
+        Time since the start of this motion, s.
+
+    Returns
+    -------
+    Problem
+        The problem with the joint positions and rates at that instant as its start, and with the
+        joint accelerations if the robot has limits of jerk.
+
     Raises
     ------
     ProblemError
-        If `at` (s after the start of the motion) is not an instant of the motion.
+        If `at` is not an instant of the motion.
     """
     motion = motion.motion if isinstance(motion, Plan) else motion
     if not 0 <= at <= motion.duration:
@@ -368,9 +410,16 @@ def _within_ranges(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
 
 
 def _complete_point(base: Point, point: Point) -> Point:
-    """Return `point`, with missing task coordinates taken from `base`.
+    """Return a point with its missing task coordinates taken from another point.
 
     Points in other coordinates have no missing ones, so they are returned unchanged.
+
+    Parameters
+    ----------
+    base : Point
+        Point that provides the missing coordinates.
+    point : Point
+        Point that may omit some of roll, tilt, spin and depth.
     """
     if isinstance(base, Task) and isinstance(point, Task):
         return unchecked_copy(base, **point.set_coordinates)
@@ -380,8 +429,19 @@ def _complete_point(base: Point, point: Point) -> Point:
 def _nominal_duration(problem: Problem, progress: Progress) -> float | None:
     """Return the duration of the motion without ranges of friction and payload, s.
 
-    The report compares it with the duration of the plan, to show what the ranges cost. Returns None
-    if the problem has no such range.
+    The report compares it with the duration of the plan, to show what the ranges cost.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    progress : callable
+        Called with a message before the motion is planned.
+
+    Returns
+    -------
+    float or None
+        None if the problem has no such range, or if there is no motion without it.
     """
     if problem.friction is None and problem.payload is None:
         return None
@@ -393,7 +453,8 @@ def _nominal_duration(problem: Problem, progress: Progress) -> float | None:
 def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, ...]:
     """Return the summaries of all planned phases for plan.json and the report.
 
-    They contain the deviations of the motion from its corners and its constant speeds.
+    A phase is an entry of the motion list with its motion. A summary contains the duration, the
+    solver's data, and how far the tip deviates from a rounded corner or from a constant speed.
 
     Parameters
     ----------
@@ -422,7 +483,8 @@ def _summary(phase_result: PlannedPhase, promise: PromiseResult | None) -> Phase
     phase_result : PlannedPhase
         The phase with its motion.
     promise : PromiseResult or None
-        Measured deviation from its line, corners and constant speed. None if it has none of them.
+        Measured deviation of the phase from its line, corners and constant speed. None if the
+        problem prescribes none of them.
     """
     phase = phase_result.phase
     confirmation = phase_result.motion.confirmation
@@ -461,7 +523,7 @@ def _plan_check_and_cool(
     *,
     may_overheat: bool = True,
 ) -> Outcome:
-    """Plan and check a problem, and trade time for heat if a motor gets too hot.
+    """Plan and check a problem. If a motor gets too hot, search a slower motion with less heat.
 
     Parameters
     ----------
@@ -507,6 +569,11 @@ def _duration_or_reason(
         Counter of the work.
     first_suffices : bool
         True if the first certified motion suffices.
+
+    Returns
+    -------
+    float or Reason
+        Duration in s, or the reason why there is no certified motion.
     """
     attempt = partial(_plan_check_and_cool, work=work)
     outcome, _, _ = plan_mission(problem, attempt, work, first_suffices=first_suffices)
@@ -526,6 +593,11 @@ def _find_any_motion(problem: Problem, work: Work, *, any_suffices: bool) -> flo
         Counter of the work.
     any_suffices : bool
         True if the motion need not have little heat, even if the objective asks for it.
+
+    Returns
+    -------
+    float or Reason
+        Duration in s, or the reason why there is no certified motion.
     """
     if any_suffices and problem.objective == "time then heat":
         problem = unchecked_copy(problem, objective="time")

@@ -13,10 +13,11 @@ only λ, and the excess of heat e = max_i h_i/(T + P) − 1 falls with λ. Near 
 dT = −λ/(1 − λ) dh, so a motion with e = −GAP takes longer than the fastest one by a share of less
 than GAP.
 
-Towards λ = 1, time costs nothing, and every phase takes the time in which it produces the least
-heat. Beyond that, motors only cool if they rest or move more slowly. The phases in which the hot
-motors rest take longer first, because that adds no heat. All phases take longer if the hot
-motors never rest or if that does not suffice. They are planned again for the least heat.
+Towards λ = 1, time costs nothing, and every phase (entry of the motion list) takes the time in
+which it produces the least heat. If the motors are still too hot then, they only cool if they rest
+or move more slowly. First, the phases in which the hot motors rest take longer, because that adds
+no heat. If the hot motors never rest, or if longer rests do not suffice, all phases take longer and
+are planned again for the least heat.
 """
 
 from collections.abc import Callable
@@ -99,7 +100,20 @@ class ThermalSearch:
     def _plan_with_multiplier(self, problem: Problem, multiplier: float) -> Outcome:
         """Plan with a multiplier λ of the heat of the hot motors, and remember the best motion.
 
-        The best motion is the one with the shortest duration after enough rest.
+        The best motion is the one with the shortest sum of its duration and of the rest after which
+        the hottest motor is cool enough.
+
+        Parameters
+        ----------
+        problem : Problem
+            The problem, with the planner that computes the motion.
+        multiplier : float
+            Multiplier λ, from 0 (only time counts) to less than 1 (only heat counts).
+
+        Returns
+        -------
+        Outcome
+            The motion with its certificate, or the reason of the failure.
         """
         outcome = self.plan(problem, self._hot_weights(multiplier / (1 - multiplier)))
         self.hot |= outcome.hot_joints
@@ -118,6 +132,11 @@ class ThermalSearch:
             The problem, with the planner that computes the motion.
         share : float
             Share of the necessary rest. With 1, the hottest motor becomes just cool enough.
+
+        Returns
+        -------
+        Outcome
+            The checked motion.
         """
         multiplier, base = self.best
         if problem is not with_fast_planner(problem):
@@ -144,7 +163,12 @@ class ThermalSearch:
         problem : Problem
             The problem, with the planner that computes the motion.
         share : float
-            Share by which each phase takes longer.
+            Share by which each phase takes longer, for example 0.2 for 20 %.
+
+        Returns
+        -------
+        Outcome
+            The checked motion.
         """
         base = self.best[1]
         phases = base.planned.phases
@@ -170,6 +194,11 @@ class ThermalSearch:
             True for each phase that is slowed down.
         factor : float
             Factor on the durations of these phases.
+
+        Returns
+        -------
+        Outcome
+            The slower motion with its certificate.
         """
         phases = tuple(
             replace(phase, motion=phase.motion.slower(factor)) if stretched else phase
@@ -180,13 +209,30 @@ class ThermalSearch:
         )
 
     def _hot_weights(self, weight: float) -> Array:
-        """Return `weight` for every hot motor and 0 for the others, (4,)."""
+        """Return the weights of the motors' heat relative to time, (4,).
+
+        Parameters
+        ----------
+        weight : float
+            Weight of every motor that was too hot in any motion. The others have the weight 0.
+        """
         return weight * np.array([joint.name in self.hot for joint in self.problem.robot.joints])
 
     def _duration_with_rest(self, outcome: Outcome) -> float:
         """Return the duration with a rest that makes the hottest motor cool enough, s.
 
-        Infinite if there is no motion, or if the motion exceeds another limit.
+        A rest adds no heat. With the excess of heat e, the duration T and the pause P before the
+        motion repeats, the rest takes e (T + P).
+
+        Parameters
+        ----------
+        outcome : Outcome
+            A planned motion with its certificate.
+
+        Returns
+        -------
+        float
+            Duration, s. Infinite if there is no motion, or if the motion exceeds another limit.
         """
         if outcome.excess_heat is None:
             return np.inf
@@ -198,12 +244,14 @@ class ThermalSearch:
 def _find_smallest_cool(
     motion: Callable[[float], Outcome], numbers: tuple[float, ...], hottest: Outcome
 ) -> tuple[float, Outcome] | None:
-    """Find the smallest number that gives a cool motion, and that motion.
+    """Find the smallest number for which no motor gets too hot, and the motion for this number.
 
-    The excess of heat is a falling function of the number. Its root is bracketed between two of the
-    `numbers` and found by the Illinois method, a variant of false position. The result is on the
-    cool side of the root, with an excess above −GAP, or within GAP of a number whose motion is too
-    hot.
+    The number is a multiplier of heat, a share of the necessary rest, or a share by which all
+    phases take longer. A motion is called cool if it passes the check. The excess of heat,
+    h / (T + P) − 1 with the symbols of the module's docstring, falls with the number. Its root is
+    bracketed between two of the `numbers` and found by the Illinois method, a variant of false
+    position. The result is on the cool side of the root, with an excess above −GAP, or within GAP
+    of a number whose motion is too hot.
 
     Parameters
     ----------
@@ -216,8 +264,9 @@ def _find_smallest_cool(
 
     Returns
     -------
-    tuple or None
-        None if no number gives a cool motion, or if the excess has stopped falling by GAP.
+    tuple of float and Outcome, or None
+        The number and its motion. None if no number gives a cool motion, if the excess changes by
+        less than `GAP` from one number to the next, or if a motion exceeds another limit.
     """
     # The root lies between `lower`, whose motion has the excess `excess_at_lower` > 0, and `upper`,
     # whose motion stays below the allowed heat by the share `margin_at_upper` ≥ 0.

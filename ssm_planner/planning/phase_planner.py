@@ -1,8 +1,9 @@
-"""Solvers for the motion of one phase.
+"""Solvers for the motion of one phase, that is, of one entry of the motion list.
 
-Candidates ask `PhasePlanner` for motions: along a given path (`along_path`) or along a path that
-the solver chooses (`free`). The planner selects optimal control or TOPP-RA alone, calls Ipopt where
-the structured solver fails, and turns every failure into a `Reason`.
+The different ways to move a phase (candidates) ask `PhasePlanner` for motions: along a given path
+(`along_path`) or along a path that the solver chooses (`free`). The planner selects optimal control
+or TOPP-RA alone, calls Ipopt where the structured solver fails, and turns every failure into a
+`Reason`.
 """
 
 from collections.abc import Callable
@@ -177,11 +178,27 @@ class PhasePlanner:
             Result of `free` with `fastest_only`.
         cutoff : float
             Duration in s beyond which a motion is not refined any further.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why there is none.
         """
         return self._free_result(find_best_free(fastest.motion, cutoff))
 
     def _free_result(self, motion: PhaseSolution) -> PlannedPhase | Reason:
-        """Return the phase with a free motion, slowed down where the tip could not stop in time."""
+        """Return the phase with a free motion, slowed down where the tip could not stop in time.
+
+        Parameters
+        ----------
+        motion : PhaseSolution
+            Result of the solver: a motion, or the status of a failure.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why there is none.
+        """
         return self.phase_result(
             self._direct_path, limit_stop_travel(self.phase, self.strict, motion)
         )
@@ -204,6 +221,11 @@ class PhasePlanner:
             cause of a failure.
         motion : PhaseSolution
             Result of the solver.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with the motion and a lower bound on its duration, or the reason.
         """
         if not motion.solved:
             if self.approximate:
@@ -222,7 +244,7 @@ class PhasePlanner:
         Parameters
         ----------
         solve : callable
-            Solves with the keyword `method`.
+            Computes a motion. Its keyword `method` selects the solution method (`nlp.Method`).
         by_ipopt : bool
             False if Ipopt does not get the second attempt.
 
@@ -249,6 +271,12 @@ class PhasePlanner:
             The path.
         speed : float
             Requested speed of the tip, m/s.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion. A reason with the largest speed that the tip can keep if this
+            is less than the requested one.
         """
 
         def with_tip_speed(limit_speed: float) -> "PhasePlanner":
@@ -274,6 +302,16 @@ class PhasePlanner:
         """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA.
 
         If optimal control gives no motion, the motion of TOPP-RA is the result if it suffices.
+
+        Parameters
+        ----------
+        path : JointPath
+            The path.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why there is none.
         """
         problem = self.problem
         speeds = self.phase.speeds_along(path)
@@ -298,7 +336,13 @@ class PhasePlanner:
         """Return True if TOPP-RA alone may time the path.
 
         This holds for curves and rounded corners without a requested duration and without jerk
-        limits, which TOPP-RA cannot keep. Straight lines are left to optimal control.
+        limits, which TOPP-RA cannot keep. Straight lines in task coordinates are left to optimal
+        control.
+
+        Parameters
+        ----------
+        path : JointPath
+            The path.
         """
         curved = not isinstance(path, StraightPath)
         return curved and self.phase.motion.duration is None and not limits_jerk(self.problem.robot)

@@ -1,8 +1,9 @@
 """Phases of a problem: the entries of its motion list with their joint positions.
 
 `build_phases` converts the motion list to phases. The joint positions at the targets follow from
-the inverse kinematics, with a choice of branches and whole turns: `start_configurations` lists the
-choices at the start, and `alternative_joints` those at a target of a free motion.
+the inverse kinematics. It has two solutions for each pose of the tool, called the branches +1 and
+−1, and whole turns may be added to the angles of the revolute joints. `start_configurations` lists
+these choices at the start, and `alternative_joints` those at a target of a free motion.
 """
 
 from collections.abc import Iterator
@@ -187,10 +188,11 @@ def task_at_end(mechanism: Mechanism, points: Array, start: Array) -> Array:
 
 
 def start_configurations(problem: Problem) -> list[Array]:
-    """Return the joint positions (4,) at which a motion of the problem may begin.
+    """Return the joint positions (4,) at which the motion may begin, the preferred ones first.
 
-    They are the given joints. If the start is given in other coordinates, they are all solutions of
-    the inverse kinematics with whole turns, those on the home branch first.
+    They are the given joints. If the start is given in other coordinates, they are the solutions of
+    the inverse kinematics on both branches, with whole turns of the revolute joints. Those on the
+    branch of the configuration q = 0 come first.
 
     Parameters
     ----------
@@ -421,6 +423,11 @@ class _PhaseBuilder:
             Entry of the motion list.
         points : (n, 4) array
             Joint positions at the points of the curve, rad and m.
+
+        Returns
+        -------
+        list of Phase
+            One phase for each smooth curve, in the order of time.
         """
         scale = self.problem.robot.velocities
         if len(points) == 1:
@@ -459,6 +466,11 @@ def _join_blended_phases(problem: Problem, phases: list[Phase], keys: list[str])
         All phases in their order.
     keys : list of str
         Keys of the phases' motions in the problem file, for error messages.
+
+    Returns
+    -------
+    list of Phase
+        Phases in their order. Each joined phase replaces the phases from which it was made.
     """
     merged: list[Phase] = []
     chain: list[Phase] = []

@@ -1,7 +1,7 @@
-"""A phase with its motion.
+"""A phase (one entry of the motion list) with its motion.
 
-The candidates of a phase return this value, and `planner.join_phases` joins several of them to the
-trajectory of a problem.
+The candidates of a phase, that is, the ways to move it, return this value. `planner.join_phases`
+joins the motions of all phases to the trajectory of a problem.
 """
 
 import numpy as np
@@ -17,7 +17,9 @@ class PlannedPhase:
     """A phase with its motion and a lower bound of its duration."""
 
     phase: Phase
+    """The phase with its problem and its points."""
     motion: PhaseSolution
+    """Its motion as joint polynomials."""
     lower_bound: float
     """Duration in s that no motion within the same limits can beat."""
 

@@ -1,7 +1,9 @@
 """Planning of all phases of a problem, joined to a trajectory.
 
-`plan_motion` is the main entry. It builds the phases, tests them without a solver, and searches the
-fastest candidate of each phase. `pipeline/certified.py` calls it and checks the result.
+A phase is an entry of the problem's motion list with its joint positions. A candidate is one way to
+move a phase, for example directly or with a rest in between. `plan_motion` is the main entry. It
+builds the phases, tests them without a solver, and searches the fastest candidate of each phase.
+`pipeline/certified.py` calls it and checks the result.
 """
 
 from collections.abc import Callable, Sequence
@@ -117,6 +119,11 @@ def _planned(planners: list[PhasePlanner], progress: Progress) -> PlannerResult:
         One planner for each phase.
     progress : callable
         Called with a message for every phase.
+
+    Returns
+    -------
+    PlannerResult
+        The trajectory and its phases, or the phases before the first failure and its reason.
     """
     solutions: list[PlannedPhase] = []
     entries = []

@@ -71,6 +71,12 @@ def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> Pha
         The robot with the limits that the motion must keep.
     motion : PhaseSolution
         Its motion, or the status of a failure, which is returned unchanged.
+
+    Returns
+    -------
+    PhaseSolution
+        The motion if the tip can stop in time, otherwise the slower motion along the same path. Its
+        status is "infeasible" if TOPP-RA finds no timing.
     """
     limit, mechanism = phase.problem.stop_travel, phase.mechanism
     if limit is None or not motion.solved:

@@ -138,15 +138,21 @@ def borders_at_reversals(
 
 
 def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
-    """Return directions (n, 4) that are reversed where the multipliers show a saving.
+    """Reverse the directions of joints where the multipliers show a saving.
 
     A run (consecutive elements in which a joint has multipliers of one sign) is reversed if the sum
-    of its multipliers is large enough.
+    of its multipliers is at least `MULTIPLIER_TOLERANCE`, and at least the share `REVERSAL_SHARE`
+    of the largest sum.
 
     Parameters
     ----------
     multipliers : DirectionMultipliers
-        Directions and multipliers of the n elements.
+        Directions and multipliers of the n elements (time intervals).
+
+    Returns
+    -------
+    (n, 4) array
+        New directions of the joints in the elements: +1, −1 or 0.
     """
     directions = multipliers.directions.copy()
     counts = np.abs(multipliers.values) > NEGLIGIBLE_SHARE * multipliers.largest_joint_sum
@@ -187,7 +193,7 @@ def _fill_zeros(directions: Array) -> Array:
 
 
 def _reversal_instants(multipliers: DirectionMultipliers, directions: Array) -> Array:
-    """Return the instants between which no direction changes, (k + 1,), s.
+    """Return the instants between which no joint changes its direction.
 
     They include the instants at which the motion passes its points. A change of direction is left
     out if it is closer to another of these instants than the share `MIN_SEGMENT_SHARE` of the
@@ -199,6 +205,11 @@ def _reversal_instants(multipliers: DirectionMultipliers, directions: Array) -> 
         Instants of the n elements and of the points of the motion.
     directions : (n, 4) array
         Directions of the joints in the elements: +1, −1 or 0.
+
+    Returns
+    -------
+    (k + 1,) array
+        Increasing instants, s. The first and the last one are the ends of the motion.
     """
     instants, points = multipliers.instants, multipliers.points
     gap = MIN_SEGMENT_SHARE * instants[-1]

@@ -1,8 +1,9 @@
 """Search for the fastest motion among candidates.
 
-The same search serves one phase (`candidates/listed.py`) and a whole problem with other joints at a
-target (`candidates/other_joints.py`). It is a best-first branch and bound: the lower bound of a
-candidate, and later its estimate, decide whether the candidate is solved at all.
+A candidate is one way to move. The same search serves one phase, that is, one entry of the motion
+list (`candidates/listed.py`), and a whole problem with other joints at a target
+(`candidates/other_joints.py`). It is a best-first branch and bound: the lower bound of a candidate,
+and later its estimate (an approximate motion), decide whether the candidate is solved at all.
 """
 
 from collections.abc import Sequence
@@ -37,7 +38,7 @@ def find_fastest(
     Parameters
     ----------
     kinds : sequence of subclasses of Candidate
-        They suggest the candidates, in this order.
+        Kinds of ways to move. Their method `suggested` yields the candidates, in this order.
     planner : P
         The task and its solvers.
     work : Work
@@ -64,7 +65,7 @@ def find_fastest(
     order, solution, begin = count(), None, work.spent
 
     def suggest(evaluation: Evaluation[P, R] | None) -> None:
-        """Append the candidates that all kinds suggest after an evaluation to the queue."""
+        """Put the candidates that all kinds suggest after an evaluation into the queue."""
         for kind in kinds:
             for candidate in kind.suggested(planner, evaluation):
                 evaluations.append(Evaluation(candidate, candidate.bound))

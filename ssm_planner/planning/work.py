@@ -21,7 +21,7 @@ ITERATION_WORK = {
     ("Ipopt", False): 1e-4,
     ("Ipopt", True): 3e-4,
 }
-"""Work of one iteration, divided by the number of elements of the mesh.
+"""Work of one iteration, divided by the number of elements (time intervals) of the mesh.
 
 The keys are the solver, and True if the objective contains heat or effort. A work of 1 takes about
 one second.

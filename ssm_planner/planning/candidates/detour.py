@@ -42,8 +42,15 @@ class Detour(FallbackCandidate):
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return a motion with one position at which joints may reverse.
 
-        The guess of this position is where the direct motion comes nearest to the eye, with the
-        tool drawn back. The solver moves it to where the motion becomes fastest.
+        The guess of this position is where the direct motion comes nearest to the retina or lens,
+        with the tool drawn back. The solver moves it to where the motion becomes fastest. Neither
+        argument is used, because this kind of candidate has no estimate.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason of the last attempt if no depth in
+            `RETRACTION_SHARES` gives one.
         """
         start, end = self.planner.phase.points
         nearest = joints_nearest_to_eye(self.planner.phase)

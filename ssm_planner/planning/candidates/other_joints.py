@@ -1,7 +1,9 @@
 """Other joints at a target of a free motion: the other branch, whole turns, and free spins.
 
-Several joint positions reach a target in task coordinates, or of the tip. The planner takes the
-nearest ones on the present branch of the inverse kinematics. Each candidate of this module takes
+Several joint positions reach a target in task coordinates, or of the tip. They differ in whole
+turns of the revolute joints, and in the branch: the inverse kinematics has two solutions, called
+the branches +1 and −1, which differ in the side to which joint 2 is bent. The planner takes the
+nearest joint positions on the present branch. Each candidate (way to move) of this module takes
 other ones. All later targets are then reached with the nearest joints again, so a candidate changes
 the motion of the whole problem. `pipeline/mission.py` runs the search.
 """
@@ -57,7 +59,7 @@ class JointsPlanner:
     The targets of a motion are its via points and its end, in this order.
     """
     best: MissionMotion | None
-    """Shortest certified motion so far."""
+    """Shortest motion so far that has passed the independent check. None if there is none."""
     plan: Callable[[Problem], MissionMotion | Reason]
     """Plans and checks a problem."""
     work: Work
@@ -109,10 +111,16 @@ class JointsPlanner:
         return next(durations_of_same_phase, bound)
 
     def joints(self) -> list[Array]:
-        """Return all joint positions (4,) that reach the target, except those of the phase.
+        """Return all joint positions that reach the target, except those of the phase.
 
-        They differ in the branch of the inverse kinematics and in whole turns. If the spin is free,
-        each of them has the spin with the smallest lower bound.
+        They differ in the branch of the inverse kinematics (+1 or −1) and in whole turns of the
+        revolute joints. If the spin is free, each of them has the spin with the smallest lower
+        bound on the duration.
+
+        Returns
+        -------
+        list of (4,) arrays
+            Joint positions, rad and m.
         """
         present = self.phase.points[-1]
         ends = alternative_joints(self.phase, self.target[1])
@@ -162,7 +170,20 @@ class JointsPlanner:
         return configurations, np.array(bounds)
 
     def _with_best_spin(self, q: Array) -> Array:
-        """Return the joints (4,) with the spin nearest to q among those of the smallest bound."""
+        """Return the joint positions whose spin gives the smallest lower bound on the duration.
+
+        Among several spins with the same bound, the one nearest to that of `q` is taken.
+
+        Parameters
+        ----------
+        q : (4,) array
+            Joint positions at the target, rad and m.
+
+        Returns
+        -------
+        (4,) array
+            Joint positions that differ from `q` only in joint 3.
+        """
         configurations, bounds = self.spin_alternatives(q)
         smallest = configurations[bounds <= bounds.min() * (1 + ROUNDING_TOLERANCE)]
         return np.asarray(smallest[np.argmin(np.abs(smallest[:, 2] - q[2]))])
@@ -193,8 +214,21 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     ) -> "Iterator[OtherJoints]":
         """Yield other joint positions at the beginning, and other spins after each motion.
 
-        At the beginning they differ in the branch and in whole turns. If the spin is free, each
-        certified motion suggests further spins.
+        At the beginning they differ in the branch of the inverse kinematics and in whole turns. If
+        the spin is free, each certified motion suggests further spins.
+
+        Parameters
+        ----------
+        planner : JointsPlanner
+            The target and the planner of the problem.
+        latest : Evaluation or None
+            The candidate that the search has just estimated or solved, with its result. None at the
+            beginning.
+
+        Yields
+        ------
+        OtherJoints
+            Candidates, at the beginning those with the smallest lower bounds first.
         """
         if latest is not None:
             if planner.spin_free and isinstance(latest.result, MissionMotion):
@@ -219,9 +253,23 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
 
     @classmethod
     def _rescues(cls, planner: JointsPlanner, options: "list[OtherJoints]") -> "list[OtherJoints]":
-        """Return the first options with different postures, if no motion is known.
+        """Select a few candidates that may succeed where the nearest joints gave no motion.
 
-        Whole turns of joint 3 change no load.
+        Of candidates with the same positions of joints 1 and 2 (the posture), only the one with the
+        smallest lower bound is kept. They differ in whole turns of joint 3, which change no load,
+        so where one of them fails, the others mostly fail too.
+
+        Parameters
+        ----------
+        planner : JointsPlanner
+            The target and the planner of the problem.
+        options : list of OtherJoints
+            All candidates, those with the smallest lower bounds first.
+
+        Returns
+        -------
+        list of OtherJoints
+            At most `MAX_RESCUES` candidates.
         """
         postures: dict[tuple[float, ...], OtherJoints] = {}
         for option in options:
@@ -291,10 +339,20 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
                 )
 
     def estimate(self, cutoff: float) -> MissionMotion | Reason | None:
-        """Return the duration by the structured solver alone, without reversals and ranges.
+        """Estimate the duration of the problem by the structured solver alone.
 
-        Ranges of friction and payload are left out, because they make each solve slower. The
-        result is a reason if the duration is not shorter than `cutoff`.
+        Joints reverse only where they must. Ranges of friction and payload are left out, because
+        they make each solve slower.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s from which on a motion is of no use.
+
+        Returns
+        -------
+        MissionMotion or Reason
+            The duration without motions. A reason if the duration is not shorter than `cutoff`.
         """
         self.planner.report()
         nominal = unchecked_copy(self.problem, friction=None, payload=None)
@@ -304,7 +362,10 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         return Reason(message="no shorter motion is expected")
 
     def solution(self, cutoff: float, estimate: MissionMotion | None) -> MissionMotion | Reason:
-        """Return the motion of the whole problem, which the independent check has passed."""
+        """Return the motion of the whole problem if it passes the independent check, or a reason.
+
+        Neither argument is used, because `plan` computes the complete motion anew.
+        """
         return self.planner.plan(self.problem)
 
 
