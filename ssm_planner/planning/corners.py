@@ -71,6 +71,11 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
         The problem with its range.
     robot : Robot
         The robot with its nominal friction.
+
+    Returns
+    -------
+    Robot
+        The robot, whose limits and nominal values remain as they are.
     """
     if problem.friction is None and problem.payload is None:
         return robot
@@ -172,7 +177,9 @@ def bounding_drives(
 
 
 def _torque_table(drive: Drive, sets: dict[str, Array], speed: float, torque: float) -> Array:
-    """Compute the motor torques σ τ of all parameter sets on a grid, (sets, grid points), N·m.
+    """Compute the motor torques σ τ of all sets of friction parameters on a grid.
+
+    σ = ±1 is the direction of motion, and τ the torque of the motor.
 
     The grid contains motor speeds, efforts and both directions, in motion and at breakaway. The
     torque is linear in the speed, so few speeds suffice. Only Stribeck friction, where μ falls as
@@ -183,9 +190,15 @@ def _torque_table(drive: Drive, sets: dict[str, Array], speed: float, torque: fl
     drive : Drive
         The drive.
     sets : dict
-        Values (sets,) of each friction parameter, by name.
+        Values (sets,) of each friction parameter, by name. A set is one combination of values of
+        all friction parameters.
     speed, torque : float
         Largest speed (rad/s) and torque (N·m) of the motor.
+
+    Returns
+    -------
+    (sets, grid points) array
+        Motor torques in the direction of motion, N·m.
     """
     raising_coefficients, _ = mesh_coefficients(
         drive, sets.get("mu", np.array([required_friction(drive).mu]))

@@ -286,9 +286,16 @@ class SCurve:
 
     @classmethod
     def from_pieces(cls, lengths: Array, start: Array, end: Array, speed: float = 0.0) -> "SCurve":
-        """Return the motion without pieces whose durations are mere rounding errors.
+        """Build a motion without those pieces whose durations are mere rounding errors.
 
-        The arguments are the fields of the class.
+        Parameters
+        ----------
+        lengths : (m,) array
+            Durations of the pieces, s.
+        start, end : (m,) arrays
+            Accelerations at the start and at the end of each piece.
+        speed : float
+            Velocity at the start of the motion.
         """
         lasting = lengths > 1e-13 * lengths.sum()
         return cls(lengths[lasting], start[lasting], end[lasting], speed)
@@ -385,6 +392,11 @@ def rest_to_rest(
         Limits.
     jerk : float or None
         Limit. None: the acceleration may jump.
+
+    Returns
+    -------
+    SCurve
+        The motion, which begins at time 0 and position 0.
     """
     limit = math.inf if jerk is None else jerk
     speed = min(
@@ -503,6 +515,11 @@ def rest_to_rest_times(
         Distances ≥ 0, rad or m.
     velocity, acceleration, jerk : array or float
         Limits. An infinite jerk stands for no limit.
+
+    Returns
+    -------
+    array of the broadcast shape
+        Durations, s.
     """
     # With the peak velocity v and the time T of a ramp, the duration is T + distance / v.
     speed = np.minimum(velocity, _peak_speed_without_cruise(distance, acceleration, jerk))
@@ -516,7 +533,9 @@ def rest_to_rest_times(
 def _peak_speed_without_cruise(
     distance: Array, acceleration: Array | float, jerk: Array | float
 ) -> Array:
-    """Return the peak velocity v of the motion from rest to rest that does not cruise.
+    """Return the peak velocity v of the fastest motion from rest to rest without a velocity limit.
+
+    Such a motion does not cruise, that is, it has no part at constant velocity.
 
     The distance d is v T, with the time T in which the velocity rises to v. If the acceleration
     reaches its limit a, T = v/a + a/j with the jerk limit j. Otherwise T = 2 √(v/j).

@@ -140,6 +140,11 @@ class PathLimits:
             The robot with the limits of its joints and motors.
         limits : TaskLimits
             Limits on the tool and on rates of task coordinates.
+
+        Returns
+        -------
+        PathLimits
+            The limits at the n grid points.
         """
         knots, signs = path.directions
         # Index of the interval between two knots that contains the grid point.
@@ -166,15 +171,22 @@ class PathLimits:
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
         """Return the constraints of accelerations, of the distance to stop, and of motor torques.
 
-        For joint i, the rows of acceleration are ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max. `braking_travel`
-        describes the rows of the distance to stop, and `_torque_terms` those of torque.
+        Each constraint, called a row, is divided by its limit. For joint i, the rows of
+        acceleration are ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max. The row of the distance to stop is
+        inequality (2) in `braking_travel`. The rows of torque bound the motor's torque in the
+        direction of motion from above, and from below where the motor brakes (`_torque_terms`).
 
         Parameters
         ----------
         speed_squared : (n,) array
-            ṡ² of the previous pass, at which friction coefficients are evaluated.
+            ṡ² of the previous pass of TOPP-RA, at which friction coefficients are evaluated.
         static_start : bool
             True if friction is static where joints start from rest.
+
+        Returns
+        -------
+        LinearConstraints
+            All rows at the n points.
         """
         rows: list[Array] = []
         for i, joint in enumerate(self.robot.joints):

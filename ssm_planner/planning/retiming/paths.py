@@ -237,8 +237,16 @@ class StraightPath(ClosedPath):
 def _line_function(mechanism: Mechanism, branch: int) -> ca.Function:
     """Build the CasADi function that evaluates a line in task coordinates.
 
-    Its arguments are s, and a vector (8,) of the task coordinates at the start and of the
-    displacement to the end. It returns the joint positions q except for whole turns, q' and q''.
+    Its arguments are s, and a vector (8,) of the 4 task coordinates at the start and the 4
+    components of the displacement to the end. It returns the joint positions q except for whole
+    turns, and their derivatives q' and q'' with respect to s.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Geometry of the robot.
+    branch : int
+        Branch +1 or −1, that is, which of the two solutions of the inverse kinematics q follows.
     """
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", 8)
     task = parameters[:4] + s * parameters[4:]
@@ -306,9 +314,17 @@ class TipPath(ClosedPath):
 def _tip_curve_function(mechanism: Mechanism, branch: int) -> ca.Function:
     """Build the CasADi Function that evaluates a line or an arc of the tip.
 
-    Its arguments are s from 0 to 1 and 16 parameters: the 12 numbers of `TipPath.terms`, the angle
-    of the arc, the spins at the start and at the end, and the roll in the middle. The results are
-    the joint positions q, except for whole turns, and their derivatives q' and q'' by s.
+    Its arguments are s from 0 to 1 and 16 parameters: the 12 numbers of `TipPath.terms` (four
+    vectors), the angle of the arc, the spins at the start and at the end, and the roll in the
+    middle. The results are the joint positions q, except for whole turns, and their derivatives q'
+    and q'' by s.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Geometry of the robot.
+    branch : int
+        Branch +1 or −1, that is, which of the two solutions of the inverse kinematics q follows.
     """
     s, parameters = ca.SX.sym("s"), ca.SX.sym("given", 16)
     terms = ca.reshape(parameters[:12], 3, 4)
@@ -333,6 +349,11 @@ def find_sign_change(function: Callable[[Array], Array], low: float, high: float
         Function of s (n,) that returns (n,) values.
     low, high : float
         Ends of the interval.
+
+    Returns
+    -------
+    float
+        The root, to within 1e-13 of the length of the interval.
     """
     for _ in range(5):  # Five rounds reduce the interval to 1e-13 of its length.
         s = np.linspace(low, high, PATH_SAMPLES)
@@ -345,10 +366,22 @@ def find_sign_change(function: Callable[[Array], Array], low: float, high: float
 
 
 def add_knots(knots: Array, candidates: Iterable[float]) -> Array:
-    """Return knots (k,) and the candidates that are not near any other knot, sorted.
+    """Add values of s at which joints reverse to the knots of a path.
 
-    A candidate is near a knot if it is less than `EQUALITY_TOLERANCE` away. Joints that reverse
+    A value that is less than `EQUALITY_TOLERANCE` away from a knot is left out. Joints that reverse
     together thus give one knot.
+
+    Parameters
+    ----------
+    knots : (k,) array
+        Knots of the path: values of s between which it is smooth.
+    candidates : iterable of float
+        Values of s at which a joint reverses.
+
+    Returns
+    -------
+    array
+        The knots and the values that were added, sorted.
     """
     for knot in sorted(candidates):
         if np.abs(knots - knot).min() > EQUALITY_TOLERANCE:
@@ -392,6 +425,11 @@ class MotionPath(JointPath):
         ----------
         points : int
             Approximate number of grid points.
+
+        Returns
+        -------
+        array
+            Increasing values of s. There are more than `points` if the motion has many breaks.
         """
         breaks = self.trajectory.breaks / self.trajectory.duration
         remaining = max(points - 2 * (len(breaks) - 1), 0)
@@ -536,7 +574,8 @@ def split_at_corners(points: Array, scale: Array) -> list[Array]:
     points : (n, 4) array
         Joint positions, rad and m.
     scale : (4,) array
-        Divisors of the joints for distances and angles, as in `SplinePath`.
+        Divisors of the joints, which make rad and m comparable in distances and angles. The
+        planner uses the velocity limits.
 
     Returns
     -------

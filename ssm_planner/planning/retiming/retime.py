@@ -154,13 +154,18 @@ def retime_motion(
     Parameters
     ----------
     path : MotionPath
-        Path of the existing motion.
+        Path of the existing motion, with the path parameter s from 0 to 1.
     robot : Robot
         The robot with its limits.
     limits : TaskLimits
         Limits on the tool and on rates of task coordinates.
     speed_ratio : float
-        Ratio of ṡ at both ends to the ṡ of the existing motion.
+        Ratio of ṡ = ds/dt at both ends to the constant ṡ of the existing motion.
+
+    Returns
+    -------
+    Retiming
+        The motion. Its property `solved` is False if there is none.
     """
     grid = path.grid(MIN_GRID_INTERVALS)
     speed = speed_ratio / path.trajectory.duration
@@ -179,6 +184,15 @@ def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
 
     The limits are those of joint velocity and acceleration, motor speed and torque, and the speeds
     of the tool. Jerk and the distance to stop are not examined.
+
+    Parameters
+    ----------
+    path : MotionPath
+        The path of the motion, with the motion itself.
+    robot : Robot
+        The robot with its limits.
+    limits : TaskLimits
+        Limits on the tool and on rates of task coordinates.
     """
     grid = path.grid(MIN_GRID_INTERVALS)
     squares = np.full_like(grid, 1 / path.trajectory.duration**2)
@@ -190,17 +204,22 @@ def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
 
 
 def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
-    """Return the motion with the timing of `retime_motion`, as a polynomial on each grid interval.
+    """Convert a new timing of an existing motion to joint polynomials, one on each grid interval.
 
-    Two grid points lie beside every break of the path. They become one point on the break, at which
-    the acceleration may jump.
+    Two grid points lie beside every break of the path, that is, every end of a polynomial of the
+    existing motion. They become one point on the break, at which the acceleration may jump.
 
     Parameters
     ----------
     path : MotionPath
         Path of the existing motion.
     retiming : Retiming
-        Timing on the grid of the path.
+        New timing on the grid of the path, from `retime_motion`.
+
+    Returns
+    -------
+    Trajectory
+        The motion with the new timing.
     """
     motion = path.trajectory
     old_time = retiming.s * motion.duration
@@ -213,9 +232,14 @@ def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
     acceleration = (np.diff(rate_squared) / (2 * np.diff(old_time)))[:, None]
 
     def states(samples: Samples, squares: Array) -> tuple[Array, Array, Array]:
-        """Return q, q̇ and q̈ (n, 4) at samples of the old motion.
+        """Return q, q̇ and q̈ (n, 4) of the new motion at samples of the old one.
 
-        `squares` (n,) are the squared ratios of the new velocities to the old ones.
+        Parameters
+        ----------
+        samples : Samples
+            Positions, velocities and accelerations of the old motion at n instants.
+        squares : (n,) array
+            Squared ratios of the new velocities to the old ones.
         """
         speed, square = np.sqrt(squares)[:, None], squares[:, None]
         return samples.q, samples.qd * speed, samples.qdd * square + samples.qd * acceleration
@@ -236,10 +260,15 @@ def _repeat_passes(
 ) -> Retiming:
     """Repeat the passes of TOPP-RA on a grid until the tangents converge.
 
+    A pass computes the fastest motion within linear constraints. Viscous friction is not linear in
+    ṡ², so each pass replaces it by its tangents at the motion of the previous pass, which
+    overestimate it. The passes end when the duration changes by less than the share `GAP`, or when
+    no constraint with a tangent binds.
+
     Parameters
     ----------
     grid : (n,) array
-        Values of s.
+        Values of the path parameter s.
     path_limits : PathLimits
         Limits at the grid points.
     tangent : (n,) array
@@ -248,6 +277,11 @@ def _repeat_passes(
         ṡ at both ends, 1/s.
     static : bool
         True if friction is static where joints start from rest.
+
+    Returns
+    -------
+    Retiming
+        The motion of the last pass. Its property `solved` is False if no pass found a motion.
     """
     result = Retiming(grid, np.zeros_like(grid), np.zeros(len(grid) - 1, dtype=int))
     for _ in range(MAX_PASSES):
@@ -290,7 +324,7 @@ def _passing_times(grid: Array, speed_squared: Array) -> Array:
 
 
 def _grid(knots: Array, points: int, coarse: Retiming | None) -> Array:
-    """Return the grid points of TOPP-RA from 0 to 1, (points + 1,).
+    """Choose the values of s from 0 to 1 at which TOPP-RA imposes its constraints.
 
     Without a coarse motion, the grid is uniform in s. With one, it is nearly uniform in time,
     because the interpolation scheme loses most in intervals that take long: it satisfies the
@@ -301,11 +335,16 @@ def _grid(knots: Array, points: int, coarse: Retiming | None) -> Array:
     Parameters
     ----------
     knots : (k,) array
-        Values of s at which joints may reverse.
+        Values of s at which joints may reverse, with 0 and 1.
     points : int
         Number of grid intervals.
     coarse : Retiming or None
         Motion on a coarse grid.
+
+    Returns
+    -------
+    (points + 1,) array
+        Increasing values of s.
     """
     grid = np.linspace(0.0, 1.0, points + 1)
     if coarse is not None and coarse.solved:
