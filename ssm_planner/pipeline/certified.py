@@ -200,6 +200,12 @@ def violation_reason(problem: Problem, certificate: Certificate) -> Reason:
         The problem with its limits.
     certificate : Certificate
         Result of the check with at least one exceeded limit.
+
+    Returns
+    -------
+    Reason
+        The limit, the joint and the instant, with the value that the motion has and the value that
+        is allowed.
     """
     violation = certificate.worst
     limit = problem.limit(violation.name, violation.joint)

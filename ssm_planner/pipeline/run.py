@@ -257,6 +257,21 @@ class Replanner:
         not name are those of the problem. Rates that are not named are 0. The plan has passed the
         check, or holds the reason, without a search for relaxations.
 
+        Parameters
+        ----------
+        start : Point, optional
+            Start of the motion. By default that of the problem.
+        target : Point, optional
+            Target of the last motion that has one. By default that of the problem.
+        rates : mapping of str to float, optional
+            Rates of the task coordinates at the start by name, rad/s and m/s. By default those of
+            the problem.
+
+        Returns
+        -------
+        Plan
+            The plan, or the reason of the failure.
+
         Raises
         ------
         ProblemError
@@ -314,6 +329,11 @@ class Replanner:
         target : Point
             Target of the last motion that has one. Task coordinates that it omits keep their
             values.
+
+        Returns
+        -------
+        tuple of Motion
+            The motion list, in which only the target of one motion differs.
 
         Raises
         ------
@@ -462,6 +482,11 @@ def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, .
         The problem.
     result : PlannerResult
         Result of the planner. Without a complete motion, no deviations are measured.
+
+    Returns
+    -------
+    tuple of PhaseSummary
+        One summary for each planned phase.
     """
     if result.trajectory is None:
         return tuple(_summary(phase, None) for phase in result.phases)
@@ -485,6 +510,11 @@ def _summary(phase_result: PlannedPhase, promise: PromiseResult | None) -> Phase
     promise : PromiseResult or None
         Measured deviation of the phase from its line, corners and constant speed. None if the
         problem prescribes none of them.
+
+    Returns
+    -------
+    PhaseSummary
+        Duration, bounds, solver and measured deviations of the phase.
     """
     phase = phase_result.phase
     confirmation = phase_result.motion.confirmation
@@ -616,6 +646,13 @@ def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, f
         The problem without a motion.
     relaxed : Problem
         The problem with the smallest change that gives a motion.
+
+    Yields
+    ------
+    words : str
+        Description of the changes.
+    duration : float
+        Duration of the motion with these changes, s.
     """
     shortest = math.inf
     for words, changed in changes_of_limits(problem, relaxed).values():

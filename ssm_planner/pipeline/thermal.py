@@ -76,6 +76,11 @@ class ThermalSearch:
 
         Three families of motions are tried in turn: with a weight of heat, with longer rests of the
         hot motors, and with all phases slower. Ipopt confirms only the last motion.
+
+        Returns
+        -------
+        Outcome or None
+            The checked motion. None if all motions are too hot or exceed another limit.
         """
         problem, quick = self.problem, with_fast_planner(self.problem)
         if problem.duration is not None or all(motion.duration for motion in problem.motion):

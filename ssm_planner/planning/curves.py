@@ -213,6 +213,11 @@ class CurveFollower:
         index : int
             Index of the first point, for error messages.
 
+        Returns
+        -------
+        (n, 4) array
+            Joint positions, rad and m, on one branch of the inverse kinematics.
+
         Raises
         ------
         ProblemError
@@ -269,6 +274,16 @@ class CurveFollower:
         """Return the curve of the tip through points (n, 3), m.
 
         Returns None if the points of an arc lie on one line.
+
+        Parameters
+        ----------
+        tips : (n, 3) array
+            Points of the tip, the first of which is the start of the curve, m.
+
+        Returns
+        -------
+        CurveTerms or None
+            The curve as a sum of four vectors, and the angle of the arc (`TipPath`).
         """
         if self.motion.curve == "arc":
             return _arc_through_points(tips)

@@ -151,6 +151,11 @@ def feasible_phases(
     found with which all phases stay in the ranges and away from the eye. The phases that are
     returned contain the velocities at both ends of the motion.
 
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its robot, start, motion list and limits.
+
     Returns
     -------
     phases : tuple of Phase
@@ -197,6 +202,12 @@ def check_places(phases: Sequence[Phase]) -> Reason | None:
     phases : sequence of Phase
         Phases with a given path, of which all samples are tested, or free phases, of which the
         points are tested.
+
+    Returns
+    -------
+    Reason or None
+        The limit, the place, and the required and the available value. None if no place is
+        forbidden.
     """
 
     def reasons(phase: Phase) -> Iterator[Reason | None]:
@@ -217,6 +228,16 @@ def _check_ranges(phase: Phase) -> Iterator[Reason | None]:
     """Yield one result for each range of a joint or task coordinate.
 
     The result is a reason if the phase leaves the range, or None if it keeps the range.
+
+    Parameters
+    ----------
+    phase : Phase
+        The phase. Without a given path, only its points are tested.
+
+    Yields
+    ------
+    Reason or None
+        Results for the ranges of all joints, then for those of the task coordinates.
     """
     places = _PhaseSamples.of_phase(phase)
     phrase = "{value}, but its range ends at {bound}"
@@ -243,6 +264,16 @@ def _check_tilt_extremes(phase: Phase) -> Iterator[Reason | None]:
     Tilt depends on the position θ2 of joint 2 alone. It has its extremes where the branches of the
     inverse kinematics meet, at θ2 = δ + k π with the constant δ of the mechanism and any integer k.
     Every free motion between points on both sides of such an extreme passes it.
+
+    Parameters
+    ----------
+    phase : Phase
+        The phase. A phase with a given path is not tested here.
+
+    Yields
+    ------
+    Reason or None
+        One result for each pair of consecutive points between which tilt has an extreme.
     """
     mechanism, problem = phase.mechanism, phase.problem
     limit = problem.limit(TaskRange.name_of("tilt"), None)
@@ -271,6 +302,16 @@ def check_eye_clearance(phase: Phase) -> Reason | None:
 
     A given path is sampled again about its worst sample, because the distance has a sharp minimum
     at the edge of the port.
+
+    Parameters
+    ----------
+    phase : Phase
+        The phase. Without a given path, only its points are tested.
+
+    Returns
+    -------
+    Reason or None
+        The limit and the place. None if the distances suffice, or if the problem has no eye.
     """
     eye = phase.problem.eye
     if eye is None:
@@ -405,6 +446,11 @@ def _end_velocity(phase: Phase, side: int) -> Array:
     side : int
         0 for the start of the phase, −1 for its end.
 
+    Returns
+    -------
+    (4,) array
+        Joint velocities, rad/s and m/s. Velocities that are mere rounding errors are 0.
+
     Raises
     ------
     ProblemError
@@ -448,6 +494,11 @@ def _check_end_velocity(phase: Phase, side: int) -> Iterator[Reason | None]:
         The phase.
     side : int
         0 for its start, −1 for its end.
+
+    Yields
+    ------
+    Reason or None
+        Results for the four joints, then for the distance to stop if it is limited.
     """
     qd = (phase.qd_start, phase.qd_end)[side]
     location = f"{phase.motion.name}, {RATE_KEYS[side].replace('_', ' ')}"
@@ -473,6 +524,16 @@ def _check_velocity_change(phase: Phase) -> Iterator[Reason | None]:
     velocities q̇₀ and q̇₁ at both ends and the distance Δq that it covers. None is yielded if
     its limit suffices. Without a given path, a joint may overshoot, for which it needs a part
     of its range (`_check_stopping_ranges`).
+
+    Parameters
+    ----------
+    phase : Phase
+        The phase at the start or at the end of the motion, with its end velocities.
+
+    Yields
+    ------
+    Reason or None
+        One result for each joint whose velocity differs between both ends.
     """
     if phase.path is None:
         yield from _check_stopping_ranges(phase)
@@ -504,6 +565,16 @@ def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     A joint that begins at the velocity q̇ covers at least q̇²/(2 q̈_max) until it stops, with
     its largest acceleration q̈_max. It needs the same distance to reach a velocity at the end.
     The range may also be that of tilt or depth, which depend on one joint alone.
+
+    Parameters
+    ----------
+    phase : Phase
+        The free phase at the start or at the end of the motion, with its end velocities.
+
+    Yields
+    ------
+    Reason or None
+        One result for each joint and end at which the joint needs more room than its range has.
     """
     problem = phase.problem
     ranges = reversal_ranges(phase, phase.points)

@@ -48,6 +48,11 @@ def lower_bound(
         Joint velocities q̇ at both ends, by default 0.
     limits : TaskLimits
         Limits on task rates and on the tip speed.
+
+    Returns
+    -------
+    float
+        Duration, s.
     """
     velocity, acceleration, jerk = _joint_limits(robot, limits)
     ends = np.zeros((2, 4)) if speeds is None else speeds
@@ -127,6 +132,11 @@ def _single_joint_time(
         Velocities at both ends.
     velocity, acceleration, jerk : float
         Limits of the joint.
+
+    Returns
+    -------
+    float
+        Duration, s.
     """
     steps = np.diff(positions)
     steps = steps[np.abs(steps) > ROUNDING_TOLERANCE]
@@ -161,6 +171,11 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
         Rates of the task coordinates at both ends.
     limits : TaskLimits
         Limits on task rates and on the range of tilt.
+
+    Returns
+    -------
+    float
+        Duration, s. 0 if no rate is limited.
     """
     times = [0.0]
     for name, rate in limits.rates.items():
@@ -316,7 +331,18 @@ class SCurve:
         return _cumulative_sums(self.lengths)
 
     def followed_by_rest(self, duration: float) -> "SCurve":
-        """Return the motion followed by a rest, with a total duration in s."""
+        """Return the motion followed by a rest, with a total duration in s.
+
+        Parameters
+        ----------
+        duration : float
+            Duration of the motion with the rest, s.
+
+        Returns
+        -------
+        SCurve
+            The motion. It is unchanged if it takes at least this duration already.
+        """
         pause = duration - self.duration
         if pause <= ROUNDING_TOLERANCE:
             return self

@@ -46,6 +46,11 @@ def explain_failure(phase: Phase, path: JointPath, message: str) -> Reason:
         The path that the solver tried, or the direct one.
     message : str
         Message of the solver.
+
+    Returns
+    -------
+    Reason
+        The cause, whose field `limit` is None if only the solver's message is known.
     """
     reason = check_motor_torque(phase, path, PATH_SAMPLES)
     if reason is not None:
@@ -80,6 +85,11 @@ def _most_overloaded_motor(
     template : str
         Continuation of the message after the name of the joint, with the fields {value} and
         {bound}.
+
+    Returns
+    -------
+    Reason or None
+        The limit and the place, with the needed and the available torque.
     """
     largest_factor, result = 0.0, None
     for i, needed, location in needs:
@@ -107,6 +117,11 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
         Path of the phase, or a path that stands for a free motion between the same points.
     samples : int
         Number of evenly spaced points. With 0, only the knots are tested.
+
+    Returns
+    -------
+    Reason or None
+        None if every motor is strong enough at all places that are tested.
     """
     knots, signs = path.directions
     places = path.sample(np.union1d(np.linspace(0.0, 1.0, samples), knots))
@@ -160,6 +175,11 @@ def check_braking_torque(phase: Phase) -> Reason | None:
     ----------
     phase : Phase
         A free phase with joint velocities at its start.
+
+    Returns
+    -------
+    Reason or None
+        None if the phase begins at rest, or if a motion may exist.
     """
     robot, qd = phase.problem.robot, phase.qd_start
     if not qd.any():
@@ -272,6 +292,13 @@ class _SlowMotion:
         """Sample a phase along its given path at n values of s.
 
         Returns None if the phase has no given path, or if it begins or ends at speed.
+
+        Parameters
+        ----------
+        robot : Robot
+            The robot with its limits.
+        phase : Phase
+            The phase.
         """
         if phase.path is None or not phase.begins_and_ends_at_rest:
             return None

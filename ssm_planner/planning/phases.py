@@ -143,6 +143,11 @@ class Phase:
         to_end : bool
             True if the part ends with the joint velocities of this phase. Otherwise it ends at
             rest.
+
+        Returns
+        -------
+        Phase
+            The part, with the problem and the entry of the motion list of this phase.
         """
         start = task_at_end(self.mechanism, np.stack([self.q_start, points[0]]), self.start)
         at_rest = np.zeros(4)
@@ -251,6 +256,11 @@ def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
     q : (4,) array
         Joint positions at the start.
 
+    Returns
+    -------
+    tuple of Phase
+        Phases in the order of time. Each begins where the previous one ends.
+
     Raises
     ------
     ProblemError
@@ -298,7 +308,18 @@ class _PhaseBuilder:
     """Joint positions at the start of the entry, (4,), rad and m."""
 
     def phases(self, motion: Motion) -> list[Phase]:
-        """Build the phases of one entry of the motion list. Most entries have a single phase."""
+        """Build the phases of one entry of the motion list. Most entries have a single phase.
+
+        Parameters
+        ----------
+        motion : Motion
+            Entry of the motion list, except for a scan.
+
+        Returns
+        -------
+        list of Phase
+            Phases in the order of time.
+        """
         if isinstance(motion, Dwell):
             return [self._rest_phase(motion)]
         if isinstance(motion, Straight):
@@ -325,7 +346,18 @@ class _PhaseBuilder:
         return replace(self, start=end, q=q)
 
     def _straight_phase(self, motion: Straight) -> Phase:
-        """Build the phase of a straight line in task coordinates."""
+        """Build the phase of a straight line in task coordinates.
+
+        Parameters
+        ----------
+        motion : Straight
+            Entry of the motion list. Coordinates that its target omits keep their values.
+
+        Returns
+        -------
+        Phase
+            The phase. The robot rests in it if the target is the start.
+        """
         key = "to" if motion_key(motion) in SINGLE_COORDINATE_MOTIONS else "to.tilt"
         end = complete_task(self.problem, self.mechanism, motion.to, self.start, key=key)
         if np.abs(end - self.start).max() < ROUNDING_TOLERANCE:
@@ -335,7 +367,18 @@ class _PhaseBuilder:
         return Phase(self.problem, motion, self.start, end, points, path=path)
 
     def _free_phase(self, motion: Free) -> Phase:
-        """Build the phase of a free motion through its points. Repeated points are left out."""
+        """Build the phase of a free motion through its points. Repeated points are left out.
+
+        Parameters
+        ----------
+        motion : Free
+            Entry of the motion list.
+
+        Returns
+        -------
+        Phase
+            The phase without a given path. The robot rests in it if all points are the start.
+        """
         points, at_target = [self.q], self
         for _, _, at_target in self.targets(motion):
             if np.abs(at_target.q - points[-1]).max() >= ROUNDING_TOLERANCE:
@@ -377,6 +420,16 @@ class _PhaseBuilder:
         They are the given ones, or the solution of the inverse kinematics that is nearest to q.
         Solutions on the present branch and within the ranges of the joints are preferred, then
         solutions within the ranges, then any solution.
+
+        Parameters
+        ----------
+        target : Point
+            Via point or end of a free motion.
+
+        Returns
+        -------
+        (4,) array
+            Joint positions, rad and m.
         """
         if isinstance(target, Joints):
             return np.array(target.values)
@@ -396,6 +449,16 @@ class _PhaseBuilder:
         """Build the phases of a motion along a curve.
 
         If the robot is not at the beginning of the curve, a free motion there comes first.
+
+        Parameters
+        ----------
+        motion : Follow
+            Entry of the motion list.
+
+        Returns
+        -------
+        list of Phase
+            Phases in the order of time.
         """
         curve = CurveFollower(self.problem, self.mechanism, motion, self.start, self.q)
         beginning = curve.beginning
@@ -444,7 +507,18 @@ class _PhaseBuilder:
         return phases
 
     def _tip_phase(self, motion: Follow) -> Phase:
-        """Build the phase in which the tip follows a line or an arc."""
+        """Build the phase in which the tip follows a line or an arc.
+
+        Parameters
+        ----------
+        motion : Follow
+            Entry of the motion list.
+
+        Returns
+        -------
+        Phase
+            The phase with its path. The robot rests in it if the curve has no length.
+        """
         path = CurveFollower(self.problem, self.mechanism, motion, self.start, self.q).tip_path()
         if isinstance(path, JointPath):
             return self._phase_along(motion, path)
@@ -493,6 +567,11 @@ def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phas
         Consecutive phases.
     keys : list of str
         Keys of their motions in the problem file.
+
+    Returns
+    -------
+    Phase
+        The joined phase, or the only phase of a chain of one.
 
     Raises
     ------
@@ -636,6 +715,12 @@ def _inverse_solutions(
         Task coordinates that replace omitted ones.
     reference : (4,) array or None
         Joint positions. The solutions nearest to them come first.
+
+    Returns
+    -------
+    Solutions
+        Joint positions on both branches of the inverse kinematics, and which of them reach the
+        target.
 
     Raises
     ------

@@ -76,6 +76,11 @@ def check_limit(
         Message with the fields {value} and {bound}, which get the unit of the limit.
     tolerance : float
         Excess that is allowed, in SI units.
+
+    Returns
+    -------
+    Reason or None
+        The limit and the place, with the required and the available value.
     """
     if limit.low - tolerance <= value <= limit.high + tolerance:
         return None
@@ -116,6 +121,11 @@ def constant_speed_reason(name: str, requested: float, feasible: float) -> Reaso
         Name of the motion.
     requested, feasible : float
         Requested speed and largest feasible speed, m/s. 0 if no lower speed is feasible either.
+
+    Returns
+    -------
+    Reason
+        A reason whose limit is the constant speed.
     """
     able = (
         f"it can keep up to {1e3 * feasible:.4g} mm/s"

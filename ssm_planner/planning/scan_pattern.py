@@ -81,6 +81,16 @@ def spots_in_plane(scan: Scan) -> list[Array]:
     """Return the spots of a scan in the tangent plane, m, in the order of the motion.
 
     There is one array (n, 2) for each ring, or one for a raster.
+
+    Parameters
+    ----------
+    scan : Scan
+        Entry of the motion list: concentric rings, or a raster of rows and columns.
+
+    Returns
+    -------
+    list of (n, 2) arrays
+        Spots of each ring, or of the raster, m.
     """
     if scan.diameters:
         return [_ring_spots(diameter, scan.spacing) for diameter in scan.diameters]
@@ -186,6 +196,11 @@ def complete_task(
     file : str or None
         File. None for the problem's own file.
 
+    Returns
+    -------
+    (4,) array
+        Roll, tilt and spin (rad), and depth (m).
+
     Raises
     ------
     ProblemError
@@ -222,6 +237,11 @@ def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: f
     distance : float
         Distance of the tip from the retina, m.
 
+    Returns
+    -------
+    (n, 3) array
+        Positions of the tip in the frame of the remote centre, m.
+
     Raises
     ------
     ProblemError
@@ -257,6 +277,11 @@ def _run_motions(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
         Name of the run, from which the names of the motions are formed.
     spots : list of Tip
         Positions of the tip in their order.
+
+    Returns
+    -------
+    list of Motion
+        Free motions and dwells in the order of time.
     """
     result: list[Motion] = []
     if scan.dwell > 0:
@@ -353,6 +378,11 @@ def _nearest_neighbour_tour(times: Array, first: int) -> Indices:
         Times between places.
     first : int
         Place that the tour visits after place 0, at which it begins.
+
+    Returns
+    -------
+    (n,) int array
+        Indices of the places in the order of the tour, 0 first.
     """
     tour = [0, first]
     unvisited = np.ones(len(times), dtype=bool)
@@ -372,6 +402,11 @@ def _improve_tour(tour: Indices, times: Array) -> Indices:
         Indices of the places in their order. The first place stays where it is.
     times : (n, n) array
         Times between places.
+
+    Returns
+    -------
+    (n,) int array
+        The improved tour, with the same first place.
     """
     n = len(tour)
     # An artificial last place, to which all ways take no time, leaves the end of the tour open.

@@ -163,6 +163,13 @@ class Evaluation(Generic[P, R]):
         ----------
         solution : R or Reason
             The result of the whole search.
+
+        Returns
+        -------
+        dict
+            Kind, lower bound, estimate and duration (s) of the candidate, the outcome in words
+            ("taken", "slower", "slower by its bound", "slower by its estimate", or the message of a
+            reason), and the work spent on it.
         """
         duration = None
         if self.result is None:

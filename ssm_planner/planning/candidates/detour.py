@@ -43,8 +43,15 @@ class Detour(FallbackCandidate):
         """Return a motion with one position at which joints may reverse.
 
         The guess of this position is where the direct motion comes nearest to the retina or lens,
-        with the tool drawn back. The solver moves it to where the motion becomes fastest. Neither
-        argument is used, because this kind of candidate has no estimate.
+        with the tool drawn back. The solver moves it to where the motion becomes fastest.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s from which on a motion is of no use. It is not used, because the direct
+            motion, the only faster one, has already failed.
+        estimate : PlannedPhase or None
+            None, because this kind of candidate has no estimate.
 
         Returns
         -------

@@ -43,6 +43,19 @@ class Direct(PhaseCandidate):
         """Return the motion for the objective, confirmed by Ipopt if the planner asks for it.
 
         If the motion of the estimate cannot be completed, the free motion is solved anew.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s from which on a motion is of no use. A motion along a given path ignores
+            it.
+        estimate : PlannedPhase or None
+            The motion that the method `estimate` returned.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why there is none.
         """
         planner = self.planner
         if planner.phase.path is not None:

@@ -99,6 +99,12 @@ class JointsPlanner:
         ----------
         phase : Phase
             A phase of the problem with other joints at the target.
+
+        Returns
+        -------
+        float
+            Duration, s. Infinite if the requested duration of the phase is shorter than its lower
+            bound.
         """
         bound = phase.minimum_duration
         if self.best is None or phase.motion.duration is not None or phase.is_at_rest:
@@ -295,6 +301,11 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
             Joint positions at the target, rad and m.
         only_spin_differs : bool
             True if joints that differ only in the spin were tried before.
+
+        Yields
+        ------
+        OtherJoints
+            At most one candidate.
         """
         start = Joints.from_array(planner.phases[0].q_start)
         problem = _replace_target(unchecked_copy(planner.problem, start=start), *planner.target, q)
@@ -326,6 +337,11 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
             Joint positions at the target, rad and m.
         motion : MissionMotion
             The certified motion with these joints.
+
+        Yields
+        ------
+        OtherJoints
+            At most three candidates.
         """
         durations = (
             item.duration for item in motion.phases if np.array_equal(item.phase.points[-1], q)
@@ -382,6 +398,12 @@ def _replace_target(problem: Problem, entry: int, index: int, q: Array) -> Probl
         Index of the target among the via points and the end of that motion.
     q : (4,) array
         Joint positions, rad and m.
+
+    Returns
+    -------
+    Problem
+        The problem, which is not validated again. If the end of the motion is replaced, its spin is
+        no longer free.
     """
     motion = problem.motion[entry]
     assert isinstance(motion, Free)

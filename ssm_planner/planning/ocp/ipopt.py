@@ -240,6 +240,11 @@ def _ipopt_by_start(
         Jacobian of g by x.
     hess_lag : Function
         Upper triangle of the Hessian of the Lagrangian, with the arguments of CasADi's `nlpsol`.
+
+    Returns
+    -------
+    callable
+        Function of a kind of start. It keeps each solver for the next call.
     """
     x, p, f, g = nlp.values()
     options: dict[str, Any] = {
@@ -253,7 +258,18 @@ def _ipopt_by_start(
     }
 
     def build(start: Start) -> ca.Function:
-        """Build Ipopt with the options of one kind of start."""
+        """Build Ipopt with the options of one kind of start.
+
+        Parameters
+        ----------
+        start : str
+            "cold", "brief" or "confirming".
+
+        Returns
+        -------
+        Function
+            Solver with the arguments of CasADi's `nlpsol`.
+        """
         elements = structure.elements
         iterations, options_of = max(COLD_START_ITERATIONS, 2 * elements), start
         if start == "brief":

@@ -104,6 +104,11 @@ class PhaseSolution:
             Solution, or the status of the failure.
         **motion
             Fields that describe the motion in SI units. Empty after a failure.
+
+        Returns
+        -------
+        PhaseSolution
+            The motion with the status, message and iterations of the solver.
         """
         return cls(
             solution.status,
@@ -133,6 +138,16 @@ class PhaseSolution:
         """Return the motion along the same path with its duration multiplied by `factor`.
 
         Only a motion from rest to rest keeps its velocities at both ends.
+
+        Parameters
+        ----------
+        factor : float
+            Ratio of the new duration to the old one. It may also be below 1.
+
+        Returns
+        -------
+        PhaseSolution
+            The motion. Its borders and multipliers belong to the new instants.
         """
         savings = self.direction_multipliers
         if savings is not None:

@@ -172,6 +172,12 @@ class RefinementState:
         ----------
         coarse : (n,) mask
             True for the elements that are divided.
+
+        Returns
+        -------
+        RefinementState
+            The state on the finer mesh, without the solution for a warm start, whose size no longer
+            fits.
         """
         counts = np.where(coarse, PARTS_PER_DIVISION, 1)
         elements = divide_elements(self.elements, counts)
@@ -341,6 +347,11 @@ def constraints_above(names: list[RowName], values: Array, threshold: float) -> 
         Largest values of the constraints in every element, or their excesses over the limits.
     threshold : float
         Threshold of the values.
+
+    Returns
+    -------
+    frozenset of RowName
+        Names and joints of the selected constraints.
     """
     above = values > threshold
     # The second entry of a torque constraint's name is joint + 4 k, see `RowName`. All other

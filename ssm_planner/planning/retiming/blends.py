@@ -116,7 +116,18 @@ class BlendedPath(JointPath):
         )
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
+        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,).
+
+        Parameters
+        ----------
+        s : (n,) array
+            Path parameters from 0 to 1.
+
+        Returns
+        -------
+        PathSamples
+            q, q' and q'' at these values.
+        """
         s = np.asarray(s, dtype=float)
         values = np.zeros((3, len(s), 4))
         part = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
@@ -169,6 +180,11 @@ def blend_pieces(
         The pieces in their order.
     distances : sequence of float
         For each corner, the distance of the tip from it at which the rounding begins and ends, m.
+
+    Returns
+    -------
+    BlendedPath
+        The path with its roundings.
 
     Raises
     ------

@@ -85,6 +85,11 @@ class LinearConstraints:
             Values of s.
         speed_squared : (n,) array
             ṡ² of the motion there.
+
+        Returns
+        -------
+        (n − 1,) int array
+            Index of the row that is closest to its limit on each interval, or −1.
         """
 
         def middle(values: Array) -> Array:
@@ -355,6 +360,11 @@ def _speed_ceiling(
         The robot with the limits of its joints and motors.
     limits : TaskLimits
         Limits on the tool and on rates of task coordinates.
+
+    Returns
+    -------
+    (n,) array
+        Largest ṡ², 1/s².
     """
     limit = joint_limits(robot)["velocity"]
     with np.errstate(divide="ignore", over="ignore"):

@@ -142,6 +142,13 @@ class JointPath(ABC):
         driven : tuple of int
             Indices of the joints with a drive. The others count as joints at rest, because their
             reversals change no friction.
+
+        Returns
+        -------
+        knots : (m + 1,) array
+            Increasing values of s from 0 to 1, between which no joint reverses.
+        signs : (m, 4) array
+            Directions of the joints between the knots: +1, −1, or 0 for a joint at rest.
         """
         s = np.unique(
             np.concatenate([np.linspace(a, b, PATH_SAMPLES) for a, b in pairwise(self.breaks)])
@@ -441,7 +448,18 @@ class MotionPath(JointPath):
         return np.append(grid, 1.0)
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
+        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,).
+
+        Parameters
+        ----------
+        s : (n,) array
+            Path parameters from 0 to 1.
+
+        Returns
+        -------
+        PathSamples
+            q, q' and q'' at these values.
+        """
         s = np.asarray(s, dtype=float)
         duration = self.trajectory.duration
         samples = self.trajectory.sample(np.clip(s, 0.0, 1.0) * duration)
@@ -474,6 +492,11 @@ def joint_starts(
         Directions +1, −1 or 0 of the joints between the knots.
     moving : bool
         True if ṡ is not zero at s = 0. Joints then start there only if q' is 0.
+
+    Returns
+    -------
+    (n, 4) mask
+        True at the sample at or behind each knot at which a joint starts.
     """
     starts = np.zeros((len(samples.s), 4), dtype=bool)
     previous = np.zeros(4)
