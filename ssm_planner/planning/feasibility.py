@@ -351,18 +351,19 @@ def joints_nearest_to_eye(phase: Phase) -> Array:
 
 
 def replace_by_task_line(phase: Phase) -> Phase | None:
-    """Return a free phase with a straight line in task coordinates as its given path.
+    """Return the phase of a free motion with a straight line in task coordinates as its given path.
 
     Parameters
     ----------
     phase : Phase
-        The free phase.
+        Entry of the motion list whose path the solver chooses (a free motion).
 
     Returns
     -------
     Phase or None
-        None if the phase has via points or begins or ends at speed, if the line is the same in
-        joint coordinates or does not end at the target joints, or if a limit forbids a place on it.
+        None if the phase has via points (points between start and end) or begins or ends at speed,
+        if the line is the same in joint coordinates or does not end at the target joints, or if a
+        limit forbids a place on it.
     """
     # Only a change of roll or tilt makes the line differ from the one in joint coordinates.
     lines_differ = np.abs((phase.end - phase.start)[:2]).max() > ROUNDING_TOLERANCE
@@ -491,7 +492,7 @@ def _check_end_velocity(phase: Phase, side: int) -> Iterator[Reason | None]:
     Parameters
     ----------
     phase : Phase
-        The phase.
+        Entry of the motion list with its problem and joint positions.
     side : int
         0 for its start, −1 for its end.
 

@@ -34,9 +34,9 @@ def lower_bound(
     Each joint is bounded by itself, without regard to the others. The bound is the larger of two
     numbers. The first is the time that the slowest joint needs through all points. The second is a
     sum over the segments between consecutive points: the time that the slowest joint of the segment
-    needs, with free velocities at the via points. The limits on the rate of depth and on the tip
-    speed also limit joint 4, which inserts the tool. The tip takes at least the time for a straight
-    line at its largest speed.
+    needs, with free velocities at the via points (the points between start and end). The limits on
+    the rate of depth and on the tip speed also limit joint 4, which inserts the tool. The tip takes
+    at least the time for a straight line at its largest speed.
 
     Parameters
     ----------
@@ -381,7 +381,7 @@ class SCurve:
 
     @cached_property
     def _cubics(self) -> CubicPiece:
-        """Cubic polynomials of the position on all pieces, as one value with fields of shape (m,)."""
+        """Cubic polynomials of the position on all m pieces. The fields have the shape (m,)."""
         velocity_changes = self.lengths * (self.start + self.end) / 2
         velocity = self.speed + _cumulative_sums(velocity_changes)[:-1]
         # Pieces that start at position 0 give the displacements, whose sums are the positions.

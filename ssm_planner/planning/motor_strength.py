@@ -41,7 +41,7 @@ def explain_failure(phase: Phase, path: JointPath, message: str) -> Reason:
     Parameters
     ----------
     phase : Phase
-        The phase.
+        Entry of the motion list with its problem and joint positions.
     path : JointPath
         The path that the solver tried, or the direct one.
     message : str
@@ -112,7 +112,7 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
     Parameters
     ----------
     phase : Phase
-        The phase.
+        Entry of the motion list with its problem and joint positions.
     path : JointPath
         Path of the phase, or a path that stands for a free motion between the same points.
     samples : int
@@ -194,7 +194,7 @@ def check_braking_torque(phase: Phase) -> Reason | None:
     reach = np.abs(load[1:] - load[0]).sum(axis=0)
 
     def needs() -> Iterator[tuple[int, float, str]]:
-        """Yield the index of each joint, a lower bound on its needed torque in N·m, and the place."""
+        """Yield index and place of each joint with a lower bound on its needed torque, N·m."""
         for i, drive, _ in motorised_joints(robot.joints):
             sign = float(np.sign(qd[i]))
             if sign:
@@ -298,7 +298,7 @@ class _SlowMotion:
         robot : Robot
             The robot with its limits.
         phase : Phase
-            The phase.
+            Entry of the motion list with its problem and joint positions.
         """
         if phase.path is None or not phase.begins_and_ends_at_rest:
             return None

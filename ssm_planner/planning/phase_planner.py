@@ -268,7 +268,7 @@ class PhasePlanner:
         Parameters
         ----------
         path : JointPath
-            The path.
+            Joint path q(s) with the path parameter s from 0 to 1.
         speed : float
             Requested speed of the tip, m/s.
 
@@ -306,7 +306,7 @@ class PhasePlanner:
         Parameters
         ----------
         path : JointPath
-            The path.
+            Joint path q(s) with the path parameter s from 0 to 1.
 
         Returns
         -------
@@ -342,7 +342,7 @@ class PhasePlanner:
         Parameters
         ----------
         path : JointPath
-            The path.
+            Joint path q(s) with the path parameter s from 0 to 1.
         """
         curved = not isinstance(path, StraightPath)
         return curved and self.phase.motion.duration is None and not limits_jerk(self.problem.robot)

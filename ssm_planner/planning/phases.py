@@ -67,7 +67,11 @@ class Phase:
     end: Array
     """Task coordinates at the end, (4,)."""
     points: Array
-    """Joint positions at the start, at the via points and at the end, (k + 1, 4), rad and m."""
+    """Joint positions at the start, at the via points and at the end, (k + 1, 4), rad and m.
+
+    A via point is a given point between start and end. On a curve, the reversals of joints take the
+    place of via points.
+    """
     path: JointPath | None = None
     """Given joint path. None for a free motion and for a robot at rest."""
     qd_start: Array = field(default_factory=lambda: np.zeros(4))
@@ -417,7 +421,8 @@ class _PhaseBuilder:
     def _joints_at_target(self, target: Point) -> Array:
         """Return the joint positions (4,) at a target of a free motion.
 
-        They are the given ones, or the solution of the inverse kinematics that is nearest to q.
+        They are the given ones, or the solution of the inverse kinematics that is nearest to the
+        present joint positions. The inverse kinematics has two solutions (branches +1 and −1).
         Solutions on the present branch and within the ranges of the joints are preferred, then
         solutions within the ranges, then any solution.
 
@@ -537,7 +542,7 @@ def _join_blended_phases(problem: Problem, phases: list[Phase], keys: list[str])
     problem : Problem
         The problem, for its file name.
     phases : list of Phase
-        All phases in their order.
+        Phases (entries of the motion list with their joint positions) in the order of time.
     keys : list of str
         Keys of the phases' motions in the problem file, for error messages.
 
@@ -637,7 +642,7 @@ def reversal_ranges(phase: Phase, points: Array) -> Array:
     Parameters
     ----------
     phase : Phase
-        The free phase.
+        Entry of the motion list whose path the solver chooses (a free motion).
     points : (k, 4) array
         Joint positions at its points.
 
@@ -663,14 +668,15 @@ def reversal_ranges(phase: Phase, points: Array) -> Array:
 
 
 def alternative_joints(phase: Phase, index: int) -> list[Array]:
-    """Return other joint positions within their ranges that reach a target of a free phase.
+    """Return other joint positions within their ranges that reach a target of a free motion.
 
-    They differ from the present ones by the branch of the inverse kinematics, and by whole turns.
+    They differ from the present ones by the branch (the inverse kinematics has two solutions, the
+    branches +1 and −1), and by whole turns of the revolute joints.
 
     Parameters
     ----------
     phase : Phase
-        A free phase.
+        Entry of the motion list whose path the solver chooses (a free motion).
     index : int
         Index of the target. The targets are the via points and the end.
 

@@ -145,7 +145,7 @@ def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[Phase
     Parameters
     ----------
     planner : PhasePlanner
-        The phase and its solvers.
+        The phase (an entry of the motion list with its joint positions) and its solvers.
 
     Returns
     -------
@@ -226,7 +226,7 @@ def _with_durations(
     Parameters
     ----------
     phases : tuple of Phase
-        The phases of the problem.
+        The phases (entries of the motion list with their joint positions) of the problem.
     duration : float
         Requested duration, s.
     planner : callable

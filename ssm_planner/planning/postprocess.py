@@ -39,7 +39,7 @@ def plan_by_toppra(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase
     strict : Robot
         The robot with the limits that the motion must keep.
     path : JointPath
-        The path.
+        Joint path q(s) with the path parameter s from 0 to 1.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> Pha
     Parameters
     ----------
     phase : Phase
-        The free phase.
+        Entry of the motion list whose path the solver chooses (a free motion).
     strict : Robot
         The robot with the limits that the motion must keep.
     motion : PhaseSolution

@@ -53,7 +53,7 @@ def refine_directions(
     Parameters
     ----------
     phase : Phase
-        The free phase.
+        Entry of the motion list whose path the solver chooses (a free motion).
     motion : PhaseSolution
         Its fastest motion without additional reversals, with the multipliers of the directions.
     solve : callable
@@ -81,7 +81,7 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     Parameters
     ----------
     phase : Phase
-        The free phase.
+        Entry of the motion list whose path the solver chooses (a free motion).
     motion : PhaseSolution
         Its motion with the multipliers of the directions.
 
@@ -110,7 +110,7 @@ def borders_at_reversals(
     Parameters
     ----------
     phase : Phase
-        The free phase.
+        Entry of the motion list whose path the solver chooses (a free motion).
     motion : PhaseSolution
         Its motion with the multipliers of the directions.
     directions : (n, 4) array or None

@@ -4,10 +4,10 @@ A via point is a given point between the start and the end of a free motion. The
 joints there are called via velocities. A joint that is faster than the others may use its spare
 time to pass a via point at speed: it moves beyond the point and returns, or it first moves
 backwards and accelerates towards the point (a run-up). `suggest_via_velocities` finds such joints
-without a solver of the whole problem: it considers each joint as if it were alone, with unknown velocities at the
-via points. Closed forms then give the duration of each segment between two points. The velocities
-that minimise the sum of the durations show at which points a joint should pass at speed instead of
-resting there.
+without a solver of the whole problem: it considers each joint as if it were alone, with unknown
+velocities at the via points. Closed forms then give the duration of each segment between two
+points. The velocities that minimise the sum of the durations show at which points a joint should
+pass at speed instead of resting there.
 """
 
 import numpy as np

@@ -230,7 +230,7 @@ class FallbackCandidate(PhaseCandidate):
         Parameters
         ----------
         planner : PhasePlanner
-            The phase and its solvers.
+            The phase (an entry of the motion list with its joint positions) and its solvers.
         reason : Reason
             Reason why the direct motion was not found. Its limit decides whether a kind can help.
         """

@@ -141,7 +141,7 @@ class InTurn(InParts):
         Parameters
         ----------
         planner : PhasePlanner
-            The phase and its solvers.
+            The phase (an entry of the motion list with its joint positions) and its solvers.
         reason : Reason
             Reason why the direct motion was not found. Its limit tells whether a motor is too weak.
 

@@ -48,7 +48,7 @@ class Reversing(PhaseCandidate):
         Parameters
         ----------
         planner : PhasePlanner
-            The phase and its solvers.
+            The phase (an entry of the motion list with its joint positions) and its solvers.
         latest : Evaluation or None
             The candidate that the search has just estimated or solved, with its result. Only the
             direct motion suggests reversals. None at the beginning.

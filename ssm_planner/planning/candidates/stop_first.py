@@ -101,7 +101,7 @@ def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
     Parameters
     ----------
     phase : Phase
-        The free phase, which begins at speed.
+        Entry of the motion list whose path the solver chooses. It begins at speed.
     stop : PhaseSolution
         Motion in which the robot stops.
 
@@ -128,7 +128,7 @@ def _stop_in_closed_form(
     robot : Robot
         The robot with the limits that the stop must keep.
     phase : Phase
-        The free phase, which begins at speed.
+        Entry of the motion list whose path the solver chooses. It begins at speed.
     share : float
         Share of the acceleration limits that the joints use.
     together : bool

@@ -46,10 +46,10 @@ def solve_free(
     fastest_only: bool = False,
     work: Work | None = None,
 ) -> PhaseSolution:
-    """Compute the motion of a free phase that is best for the objective of its problem.
+    """Compute the free motion of a phase that is best for the objective of its problem.
 
-    A free motion is not bound to a given path: the solver chooses the joint path between the points
-    of the phase.
+    A phase is an entry of the problem's motion list with its joint positions. A free motion is not
+    bound to a given path: the solver chooses the joint path between the points of the phase.
 
     Parameters
     ----------

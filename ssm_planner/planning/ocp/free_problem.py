@@ -8,7 +8,8 @@ reverses there, or that rests on one side of the border, has velocity 0 there.
 
 Limits of velocity, acceleration and jerk bound the unknowns themselves. Motor torque, tip speed,
 rates of task coordinates, ranges of roll and spin, and the limits of the eye are path constraints.
-Only those that a motion comes close to are part of the program ("active"). `free.solve_free` builds and solves the problem.
+Only those that a motion comes close to are part of the program ("active"). `free.solve_free` builds
+and solves the problem.
 """
 
 from dataclasses import replace

@@ -231,7 +231,7 @@ def _ipopt_by_start(
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program, on which the options depend.
+        Number of elements and kinds of constraints, on which the options depend.
     nlp : dict
         Expressions x (variables), p (parameters), f (objective) and g (constraints).
     grad_f : MX

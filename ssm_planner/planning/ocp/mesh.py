@@ -51,7 +51,7 @@ class Mesh:
         Parameters
         ----------
         guess : Retiming
-            Motion of TOPP-RA along the path.
+            Motion along the path whose timing TOPP-RA has computed on a grid of s.
         knots : (k + 1,) array
             Values of s at the ends of the path and at the reversals of its joints.
         count : int
@@ -99,7 +99,7 @@ class Mesh:
         Parameters
         ----------
         motion : Retiming
-            Motion of TOPP-RA along the path.
+            Motion along the path whose timing TOPP-RA has computed on a grid of s.
 
         Returns
         -------
@@ -158,7 +158,7 @@ def _with_ramps(
     reversals : (i,) array
         Start, reversals and end of the motion, s.
     guess : Retiming
-        Motion of TOPP-RA along the path.
+        Motion along the path whose timing TOPP-RA has computed on a grid of s.
     jerk : (n + 1,) array
         Largest s⃛ at the grid points of `guess`, 1/s³.
 

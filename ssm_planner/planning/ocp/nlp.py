@@ -152,8 +152,9 @@ class NlpStructure:
         """Pairs (k, j) of elements that define the breakaway constraints.
 
         A joint breaks away (overcomes static friction) at the start of element k in the direction
-        that it has in element j. At a border between two segments, the direction may be the new one
-        (j = k) or the old one (j = k − 1).
+        that it has in element j. A breakaway constraint limits the motor torque at this instant. At
+        a border between two segments, the direction may be the new one (j = k) or the old one (j =
+        k − 1).
         """
         return [(k, k - side) for k in self.borders for side in (0, 1) if k >= side]
 
@@ -185,7 +186,7 @@ class BoundaryConditions:
         Parameters
         ----------
         structure : NlpStructure
-            Structure of the program.
+            Numbers of elements and segments of the program, and which coordinates move.
         velocity, acceleration : (m,) or (n, m) arrays
             Limits of |u̇| and |ü|. Infinite without a limit.
 
@@ -283,7 +284,7 @@ class NlpData:
         Parameters
         ----------
         structure : NlpStructure
-            Structure of the program, which states where the segments begin.
+            Structure of the program, which states at which elements the segments begin.
         """
         counts = np.zeros_like(self.velocity[0], dtype=bool)
         counts[structure.borders[1:]] = True

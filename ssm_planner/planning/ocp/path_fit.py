@@ -1,7 +1,8 @@
 """Polynomials in s that approximate a path and its load near each element of a mesh.
 
-They are parameters of the element model `elements.straight_element.StraightElement`, so that the
-optimisation evaluates no kinematics.
+The functions of one element (`elements.straight_element.StraightElement`), which give its path
+constraints and its cost, receive these polynomials as constants. The optimisation thus evaluates no
+kinematics.
 """
 
 from functools import cache
@@ -32,7 +33,7 @@ def fit_path(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: A
     Parameters
     ----------
     path : JointPath
-        The path.
+        Joint path q(s) with the path parameter s from 0 to 1.
     bodies : tuple of RigidBody
         Rigid-body models of the arm, one for each load.
     low, high : (n,) arrays

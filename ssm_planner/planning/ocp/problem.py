@@ -83,7 +83,9 @@ class OcpProblem(ABC):
 
     @abstractmethod
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the parameter vectors of the element model for a motion.
+        """Return the constants with which the functions of one element are evaluated.
+
+        Such constants are limits, directions of joints, and polynomials that approximate a path.
 
         Parameters
         ----------

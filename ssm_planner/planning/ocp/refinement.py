@@ -63,7 +63,7 @@ A motion that still violates a limit then is left to the independent check. None
 tests/benchmarks needed so many solves.
 """
 NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
-"""A program: its structure, its element model, and its data."""
+"""A nonlinear program: its structure, the functions of one element (time interval), its data."""
 
 
 @record
@@ -98,7 +98,7 @@ class RefinementState:
         problem : OcpProblem
             The optimal control problem.
         guess : (n, 4 m + 1) array
-            Elements of the guess.
+            Elements of the guess: u, u̇, ü at the start, ü at the end (m numbers each), and length.
         """
         active = problem.always_active | constraints_above(
             problem.row_names, problem.row_maxima(guess), INITIALLY_ACTIVE_SHARE

@@ -92,7 +92,7 @@ def solve_straight(
     path : JointPath
         The path q(s) of the joints.
     guess : Retiming
-        Motion of TOPP-RA along the path.
+        Motion along the path whose timing TOPP-RA has computed on a grid of s.
     strict : Robot or None
         The robot with tighter limits, which the motion must keep. None: that of the problem.
     cooling : (4,) array or None
@@ -170,7 +170,7 @@ def retimed_polynomials(
     Parameters
     ----------
     path : JointPath
-        The path.
+        Joint path q(s) with the path parameter s from 0 to 1.
     retiming : Retiming
         Motion of TOPP-RA along the path, with n + 1 grid points.
     end_speed : float
@@ -318,7 +318,7 @@ def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
     Parameters
     ----------
     path : JointPath
-        The path.
+        Joint path q(s) with the path parameter s from 0 to 1.
     rates : mapping of str to float
         Limited rates by the names of the task coordinates, rad/s and m/s.
 
@@ -352,7 +352,7 @@ def _path_jerk_limits(robot: Robot, path: JointPath, s: Array) -> Array:
     robot : Robot
         The robot.
     path : JointPath
-        The path.
+        Joint path q(s) with the path parameter s from 0 to 1.
     s : (n,) array
         Path parameters.
 
@@ -375,7 +375,7 @@ def joint_polynomials(
     Parameters
     ----------
     path : JointPath
-        The path.
+        Joint path q(s) with the path parameter s from 0 to 1.
     elements : (n, 5) array
         s, ṡ, s̈ at the start, s̈ at the end and length of every element. Time is in s.
     subdivision : int
@@ -409,7 +409,7 @@ def _joint_motion_at(
     Parameters
     ----------
     path : JointPath
-        The path.
+        Joint path q(s) with the path parameter s from 0 to 1.
     elements : (n, 5) array
         s, ṡ, s̈ at the start, s̈ at the end and length of every element.
     shares : (k,) array

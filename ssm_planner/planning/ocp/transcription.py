@@ -43,9 +43,11 @@ The term makes the mesh unique if blocks could have different durations in the s
 
 @frozen
 class Transcription:
-    """Nonlinear program for Ipopt, for one structure and one element model.
+    """Nonlinear program for Ipopt, for one structure and one set of element functions.
 
-    All numbers in `NlpData` are parameters or bounds, so one program serves many problems.
+    The element functions (element model) are the path constraints and the cost of one time interval
+    of the mesh. All numbers in `NlpData` are parameters or bounds, so one program serves many
+    problems.
     """
 
     structure: NlpStructure
@@ -94,7 +96,7 @@ class Transcription:
         structure : NlpStructure
             Numbers of elements, segments and blocks, and kinds of constraints of the program.
         element : ElementModel
-            Path constraints and cost as functions of the motion in one element.
+            Path constraints and cost as functions of the motion in one element (time interval).
 
         Returns
         -------

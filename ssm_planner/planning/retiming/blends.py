@@ -246,7 +246,7 @@ def _cut_share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[fl
     """
 
     def distance_from_corner(shares: Array) -> Array:
-        """Return the distances (n,) of the tip from the corner in m, at shares (n,) of the piece."""
+        """Return the distances (n,) of the tip from the corner, m, at shares (n,) of the piece."""
         tips = tip_position(path.mechanism, path.sample(1 - shares if from_end else shares).q)
         return np.asarray(np.linalg.norm(tips - corner, axis=1))
 

@@ -138,7 +138,7 @@ class PathLimits:
         Parameters
         ----------
         path : JointPath
-            The path.
+            Joint path q(s) with the path parameter s from 0 to 1.
         grid : (n,) array
             Values of s.
         robot : Robot
@@ -353,7 +353,7 @@ def _speed_ceiling(
     Parameters
     ----------
     path : JointPath
-        The path.
+        Joint path q(s) with the path parameter s from 0 to 1.
     samples : PathSamples
         q, q' and q'' at n values of s.
     robot : Robot

@@ -196,7 +196,7 @@ class ClosedPath(JointPath):
         """
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
+        """Evaluate the joint positions q and their derivatives q' and q'' by s at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = self._derivatives(s)
         return PathSamples(s, q + self._whole_turns, dq, ddq)
@@ -556,7 +556,7 @@ class SplinePath(JointPath):
         )
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
+        """Evaluate the joint positions q and their derivatives q' and q'' by s at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = (self._spline(s, order) for order in range(3))
         at_rest = np.ptp(self.points, axis=0) < ROUNDING_TOLERANCE
@@ -631,11 +631,11 @@ class PolylinePath(JointPath):
 
     @property
     def directions(self) -> tuple[Array, Array]:
-        """Values of s at the points (k + 1,), and the directions +1, −1 or 0 of the lines, (k, 4)."""
+        """Values of s at the points, (k + 1,), and directions +1, −1 or 0 of the lines, (k, 4)."""
         return np.linspace(0.0, 1.0, len(self.points)), np.sign(np.diff(self.points, axis=0))
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
+        """Evaluate the joint positions q and their derivatives q' and q'' by s at s (n,)."""
         s = np.asarray(s, dtype=float)
         count = len(self.points) - 1
         index = np.clip((s * count).astype(int), 0, count - 1)

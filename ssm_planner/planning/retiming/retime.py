@@ -98,7 +98,7 @@ def retime(
     Parameters
     ----------
     path : JointPath
-        The path.
+        Joint path q(s) with the path parameter s from 0 to 1.
     robot : Robot
         The robot with its limits.
     limits : TaskLimits
