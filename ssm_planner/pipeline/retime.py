@@ -86,7 +86,10 @@ def retime(
 def robot_with_limits(
     robot: Robot | str | Path | None, problem: Problem | str | Path | None
 ) -> tuple[Robot, Problem | None]:
-    """Return the robot and the problem whose limits apply. Exactly one argument must be given.
+    """Return the robot and the problem whose limits apply to the timing of a path.
+
+    Exactly one argument must be given. A problem adds limits on the tool and on task coordinates to
+    those of its robot. Files are read.
 
     Parameters
     ----------
@@ -98,9 +101,9 @@ def robot_with_limits(
     Returns
     -------
     robot : Robot
-        The robot.
+        The robot, or that of the problem.
     problem : Problem or None
-        The problem, if it is given.
+        The problem. None if only a robot is given.
 
     Raises
     ------

@@ -362,10 +362,12 @@ class Replanner:
 def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Problem:
     """Return the problem with an instant of a motion as its start.
 
-    Only a free motion can begin at any velocity. If the first motion of the problem is of another
-    kind, a free motion named "stop" precedes it, in which every joint brakes nearly as hard as it
-    can. If this motion would leave a range of task coordinates, it ends at the end of the quickest
-    stop along the path of the present motion instead.
+    `Replanner.plan_from` calls this function, for example if a robot gets a new target while it
+    moves. Only a free motion (whose path the planner chooses) can begin at any velocity. If the
+    first motion of the problem is of another kind, a free motion named "stop" precedes it, in which
+    every joint brakes nearly as hard as it can. If this motion would leave a range of task
+    coordinates, it ends at the end of the quickest stop along the path of the present motion
+    instead.
 
     Parameters
     ----------

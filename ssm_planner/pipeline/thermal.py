@@ -55,7 +55,11 @@ def with_fast_planner(problem: Problem) -> Problem:
 
 @dataclass(eq=False)
 class ThermalSearch:
-    """Search for the fastest motion in which no motor gets too hot."""
+    """Search for the fastest motion in which no motor gets too hot.
+
+    It begins with a motion that keeps all other limits, but in which the RMS torque of a motor
+    exceeds its continuous torque. `run` returns the result.
+    """
 
     problem: Problem
     """The problem."""

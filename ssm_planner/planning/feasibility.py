@@ -353,6 +353,9 @@ def joints_nearest_to_eye(phase: Phase) -> Array:
 def replace_by_task_line(phase: Phase) -> Phase | None:
     """Return the phase of a free motion with a straight line in task coordinates as its given path.
 
+    A motion along a given path is easier to compute than one whose path the solver chooses. The
+    planner tries the line where no free motion was found (`candidates/task_line.py`).
+
     Parameters
     ----------
     phase : Phase

@@ -46,7 +46,12 @@ TOPP-RA cannot plan.
 
 @record
 class PhasePlanner:
-    """Requirements on the motion of a phase, and the solvers for it."""
+    """Requirements on the motion of a phase, and the solvers for it.
+
+    A phase is an entry of the motion list with its joint positions. Each way to move it (candidate)
+    calls `along_path` for a motion along a given path, or `free` for one whose path the solver
+    chooses.
+    """
 
     strict: Robot
     """The robot with the limits that the motion must keep.
@@ -301,7 +306,9 @@ class PhasePlanner:
     def _by_optimal_control(self, path: JointPath) -> PlannedPhase | Reason:
         """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA.
 
-        If optimal control gives no motion, the motion of TOPP-RA is the result if it suffices.
+        TOPP-RA computes the fastest timing of the path on a grid, without limits of jerk. If
+        optimal control gives no motion, the motion of TOPP-RA is the result if it suffices
+        (`_toppra_suffices`).
 
         Parameters
         ----------

@@ -48,7 +48,12 @@ class MissionMotion:
 
 @record
 class JointsPlanner:
-    """A target that several joint positions reach, and the planner of the whole problem."""
+    """A target that several joint positions reach, and the planner of the whole problem.
+
+    The search over other joint positions at this target (`pipeline/mission.py`) passes it to the
+    candidates, that is, the ways to move. Its field `plan` plans and checks a problem in which the
+    target is replaced by joint positions.
+    """
 
     problem: Problem
     phases: tuple[Phase, ...]

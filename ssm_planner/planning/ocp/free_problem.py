@@ -269,9 +269,10 @@ class FreeProblem(OcpProblem):
     def _parameters(self) -> Array:
         """Pack the constants of the problem into the parameter vector of the element functions.
 
-        The compiled functions of one element receive this vector in addition to the friction
-        parameters. It contains the start position, the scaling units of the unknowns, and the
-        limits of joints, tool and task coordinates, in the order of `FreeElement.layout`.
+        The functions of one element (time interval), which give its path constraints and its cost,
+        receive this vector in addition to the directions of the joints. It contains the start
+        position, the scaling units of the unknowns, and the limits of joints, tool and task
+        coordinates, in the order of `FreeElement.layout`.
         """
         problem = self.phase.problem
         ranges = np.array(

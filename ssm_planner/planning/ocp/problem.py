@@ -214,8 +214,10 @@ class OcpProblem(ABC):
     def row_maxima(self, elements: Array) -> Array:
         """Return the largest value of each path constraint in each element of a motion.
 
-        The constraints are evaluated at the nine `DENSE_POINTS` of each element. A parabola through
-        the largest value and its neighbours estimates the maximum.
+        The program imposes path constraints only at three instants of each element (time interval),
+        so the motion may exceed a limit between them. Here, the constraints are evaluated at the
+        nine `DENSE_POINTS` of each element. A parabola through the largest value and its neighbours
+        estimates the maximum.
 
         Parameters
         ----------

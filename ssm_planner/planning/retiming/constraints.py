@@ -215,18 +215,27 @@ class PathLimits:
     def _friction_coefficient(
         self, drive: Drive, i: int, speed_squared: Array, static_start: bool
     ) -> Array:
-        """Return the friction coefficient μ (n,) of the drive of joint i.
+        """Return the friction coefficient μ of the drive of joint i at the n points of the path.
+
+        With Stribeck friction, μ depends on the speed of the motor. It is evaluated at the motion
+        of the previous pass of TOPP-RA. Where a joint starts from rest, μ is that of static
+        friction.
 
         Parameters
         ----------
         drive : Drive
-            The drive.
+            Drive of the joint with its friction parameters.
         i : int
             Index of the joint.
         speed_squared : (n,) array
             ṡ² at which a coefficient that depends on speed is evaluated.
         static_start : bool
             True if friction is static where the joint starts from rest.
+
+        Returns
+        -------
+        (n,) array
+            Friction coefficients.
         """
         friction = required_friction(drive)
         w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
