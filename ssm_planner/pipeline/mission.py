@@ -95,7 +95,10 @@ def plan_mission(
 
 @dataclass
 class _Search:
-    """Search over other joint positions, one target after the other."""
+    """Search over other joint positions at the targets of free motions, one target after the other.
+
+    The fields `best` and `best_problem` change whenever a shorter certified motion is found.
+    """
 
     problem: Problem
     """The problem as it was requested."""
@@ -118,7 +121,7 @@ class _Search:
 
     @property
     def outcome(self) -> Outcome:
-        """The best motion with all alternatives among its candidates."""
+        """The best motion. Its candidates (ways to move) include all alternatives."""
         planned = self.best.planned
         candidates = list(planned.candidates)
         candidates += [()] * (max(self.entries, default=-1) + 1 - len(candidates))
@@ -129,8 +132,9 @@ class _Search:
     def run(self) -> None:
         """Search until no faster motion is expected, or until the work budget is spent.
 
-        Alternatives are planned without Ipopt's confirmation. Ipopt confirms the best of them at
-        the end. If the confirmed motion is longer by more than `GAP`, the unconfirmed one remains.
+        Alternatives (other joint positions at a target) are planned without Ipopt's confirmation.
+        Ipopt confirms the best of them at the end. If the confirmed motion is longer by more than
+        the share `GAP`, the unconfirmed one remains.
         """
         problem, limit = self.problem, self.work.spent + SEARCH_BUDGET
         for target in [] if eye_forbids_target(problem) else open_targets(problem):
@@ -143,12 +147,13 @@ class _Search:
                 self.best = confirmed
 
     def _search(self, target: tuple[int, int], limit: float) -> None:
-        """Search over the joint positions at one target.
+        """Search over the joint positions at one target, and remember the best motion.
 
         Parameters
         ----------
         target : (int, int)
-            Index of the free motion in the motion list, and index among its targets.
+            Index of the free motion in the motion list, and index among its targets. These are the
+            points between start and end, and the end.
         limit : float
             Work at which the search ends (`Work.spent`).
         """

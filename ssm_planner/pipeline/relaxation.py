@@ -100,7 +100,10 @@ class Relaxation:
 
 
 class Pause(Relaxation):
-    """A dwell at the end, in which motors cool. Its value is in s."""
+    """A dwell (a time at rest) at the end of the motion, in which motors cool.
+
+    The value of this change is the duration of the dwell in s.
+    """
 
     present = 0.0
 
@@ -122,7 +125,10 @@ class Pause(Relaxation):
 
 @record
 class ReducedRates(Relaxation):
-    """Rates at one end of the motion, reduced by a common factor. The factor is the value."""
+    """Requested rates of task coordinates at one end of the motion, reduced by a common factor.
+
+    The value of this change is the factor, from 1 (the requested rates) down to 0.
+    """
 
     end: End = "start_rate"
     present = 1.0
@@ -156,7 +162,7 @@ class ReducedRates(Relaxation):
 
 @record
 class TriedRelaxation:
-    """A relaxation that was tried at one value."""
+    """A relaxation (change of a limit) that was planned with one value, and the outcome."""
 
     relaxation: Relaxation
     """The change."""
@@ -298,7 +304,7 @@ def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[s
 
 @record
 class _RelaxationSearch:
-    """Search for the smallest values of relaxations that give a motion."""
+    """Search for the smallest changes of limits (relaxations) that give a motion."""
 
     plan: Planner
     """Plans a problem completely."""
@@ -543,8 +549,18 @@ def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
 def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
     """Yield relaxations of all limits of a problem, joints first, then the tool.
 
-    They serve if the reason of a failure names no limit. Each limit states the bounds to try
+    They serve if the reason of a failure names no limit. Each limit states the looser bounds to try
     (`Limit.trials`).
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem without a motion.
+
+    Yields
+    ------
+    Relaxation
+        A limit with one of its looser bounds.
     """
     of_joints = (limit for joint in problem.robot.joints for limit in reversed(joint.limits))
     others = (limit for limit in problem.limits if limit not in problem.speeds)

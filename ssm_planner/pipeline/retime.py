@@ -186,11 +186,21 @@ def retiming_problem(
 
 
 def _points(reading: Reading) -> Array:
-    """Sample joint positions along a motion that was read from a file, (n, 4).
+    """Sample joint positions along a motion that was read from a file.
 
     If the file contains smooth polynomials, `POINTS_PER_PIECE` points of each are taken. If it
     contains points, or more pieces than `MAX_GRID_INTERVALS` allows, the ends of the pieces
     suffice.
+
+    Parameters
+    ----------
+    reading : Reading
+        The motion as joint polynomials, with its resolution if the file contains points.
+
+    Returns
+    -------
+    (n, 4) array
+        Joint positions, rad and m.
     """
     breaks = reading.trajectory.breaks
     has_pieces = reading.resolution is None and POINTS_PER_PIECE * len(breaks) <= MAX_GRID_INTERVALS

@@ -135,7 +135,7 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
     ]
 
     def needs() -> Iterator[tuple[int, float, str]]:
-        """Yield the index of each joint, the torque in N·m that it needs to move, and the place."""
+        """Yield the index of each joint, the torque (N·m) that its motor needs, and the place."""
         for i, drive, _ in motorised_joints(robot.joints):
             friction = required_friction(drive)
             slow_mu = np.asarray(friction_coefficient(friction, 0.0))

@@ -56,7 +56,11 @@ from ssm_planner.typing import Array, Range, record
 
 @record
 class Phase:
-    """One entry of the motion list with its points in task and joint coordinates."""
+    """One entry of the motion list with its points in task and joint coordinates.
+
+    Most entries give one phase. A scan, a table of points with corners, or a curve that begins
+    elsewhere gives several. Motions with rounded corners between them are joined to one phase.
+    """
 
     problem: Problem
     """The problem with its robot and limits."""

@@ -14,7 +14,7 @@ from ssm_planner.typing import record
 
 @record
 class PlannedPhase:
-    """A phase with its motion and a lower bound of its duration."""
+    """A phase (entry of the motion list) with its motion and a lower bound of its duration."""
 
     phase: Phase
     """The phase with its problem and its points."""

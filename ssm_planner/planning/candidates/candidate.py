@@ -110,7 +110,11 @@ class Candidate(ABC, Generic[P, R]):
 
 @dataclass(eq=False)
 class Evaluation(Generic[P, R]):
-    """A candidate during the search: how far it is computed, its result, and the work for it."""
+    """A candidate (way to move) during the search, with its bound, estimate, result and work.
+
+    The search computes a candidate in steps, from its lower bound to an estimate (an approximate
+    motion), and from there to its solution. It stops as soon as another candidate is faster.
+    """
 
     candidate: Candidate[P, R]
     bound: float
@@ -191,7 +195,7 @@ class Evaluation(Generic[P, R]):
 
 
 class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
-    """One way to move a phase. Its motions are `PlannedPhase` values.
+    """One way to move a phase (entry of the motion list). Its motions are `PlannedPhase` values.
 
     Derive from this class to add a kind, and define `kind`, `suggested` and `solution`.
     """

@@ -32,7 +32,21 @@ class Detour(FallbackCandidate):
     def suggested_after_failure(
         cls, planner: PhasePlanner, reason: Reason
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if the eye blocks the direct free motion between two points."""
+        """Yield the candidate if the eye blocks the direct free motion between two points.
+
+        Parameters
+        ----------
+        planner : PhasePlanner
+            The phase (an entry of the motion list with its joint positions) and its solvers.
+        reason : Reason
+            Reason why the direct motion was not found. Its limit tells whether retina or lens block
+            the motion.
+
+        Yields
+        ------
+        PhaseCandidate
+            At most one candidate.
+        """
         phase = planner.phase
         between_two_points = phase.path is None and len(phase.points) == 2
         by_eye = isinstance(reason.limit, (RetinaClearance, LensClearance))

@@ -39,7 +39,7 @@ MAX_ORDERS = 4
 
 
 class InParts(FallbackCandidate):
-    """A free motion that consists of two motions with a rest between them."""
+    """A free motion that consists of two motions (parts) with a rest between them."""
 
     label: ClassVar[str]
     """Text that is added to the name of the phase, so that a report shows how it moves."""

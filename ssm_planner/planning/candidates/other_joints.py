@@ -202,7 +202,7 @@ class JointsPlanner:
 
 @record
 class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
-    """The problem with other joints at a target."""
+    """A candidate (way to move): the problem with other joint positions at one target."""
 
     problem: Problem
     """The problem in which the target is given by its joints."""

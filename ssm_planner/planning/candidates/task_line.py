@@ -19,7 +19,10 @@ from ssm_planner.typing import record
 
 @record
 class TaskLine(FallbackCandidate):
-    """The straight motion to the target of a free motion."""
+    """The motion along a straight line in task coordinates to the target of a free motion.
+
+    It serves if no free motion, whose path the solver chooses, was found.
+    """
 
     line: Phase
     """The phase with the line as its given path."""
@@ -30,7 +33,22 @@ class TaskLine(FallbackCandidate):
     def suggested_after_failure(
         cls, planner: PhasePlanner, reason: Reason
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if the free phase moves and no limit forbids a place on the line."""
+        """Yield the candidate if the free motion may be replaced by a line.
+
+        The phase must be free and must move, and no limit may forbid a place on the line.
+
+        Parameters
+        ----------
+        planner : PhasePlanner
+            The phase (an entry of the motion list with its joint positions) and its solvers.
+        reason : Reason
+            Reason why the direct motion was not found. It is not used.
+
+        Yields
+        ------
+        PhaseCandidate
+            At most one candidate.
+        """
         phase = planner.phase
         if phase.path is None and not phase.is_at_rest:
             line = replace_by_task_line(phase)

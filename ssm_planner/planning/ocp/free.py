@@ -136,7 +136,10 @@ def find_best_free(motion: PhaseSolution, cutoff: float = np.inf) -> PhaseSoluti
 
 @keyword_record
 class _FreeProblemBuilder:
-    """Builder of the optimal control problem of a free motion: its mesh and its initial guess."""
+    """Builder of the optimal control problem of a free motion: its mesh and its initial guess.
+
+    The mesh divides the motion into elements (time intervals). `build` returns the problem.
+    """
 
     phase: Phase
     """The phase with its problem, points and velocities at both ends."""

@@ -108,7 +108,11 @@ class FreeProblem(OcpProblem):
 
     @property
     def boundary(self) -> BoundaryConditions:
-        """Positions and velocities of the coordinates at borders and ends, in scaled units."""
+        """Positions and velocities of the coordinates at borders and ends, in scaled units.
+
+        Borders are the places at which joints may change their direction. Positions that the solver
+        determines are NaN.
+        """
         start, end = (self.scaled(speed, 1) for speed in (self.phase.qd_start, self.phase.qd_end))
         # NaN stands for a position that the solver determines.
         points = self.scaled(

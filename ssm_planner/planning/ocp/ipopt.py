@@ -324,7 +324,7 @@ def _map_elements(
 
 
 def run_ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Run Ipopt and return CasADi's result and the statistics of the run.
+    """Run Ipopt once and return CasADi's result and the statistics of the run.
 
     Parameters
     ----------
@@ -332,6 +332,13 @@ def run_ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], di
         Solver of `build_solvers`.
     **arguments
         Initial point, bounds and parameters by CasADi's names, for example x0 and lbg.
+
+    Returns
+    -------
+    result : dict
+        Final variables x, objective f, and multipliers lam_x and lam_g of the bounds.
+    stats : dict
+        Return status, number of iterations, and residuals of all iterations.
 
     Raises
     ------

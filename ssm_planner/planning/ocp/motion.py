@@ -47,7 +47,11 @@ class DirectionMultipliers:
 
 @record
 class Borders:
-    """Positions of a free motion at which joints may reverse, its start and end included."""
+    """Positions of a free motion at which joints may reverse, its start and end included.
+
+    No joint reverses between two consecutive borders. The borders are the given points, and
+    positions that an earlier motion or a test in closed form suggests.
+    """
 
     points: Array
     """Joint positions at the borders, (k + 1, 4), rad and m."""
@@ -69,7 +73,7 @@ class Borders:
 
 @record
 class PhaseSolution:
-    """Motion of a phase as joint polynomials, or the status of a failure."""
+    """Motion of a phase (entry of the motion list) as joint polynomials, or status of a failure."""
 
     status: str
     """Status "solved", "infeasible" or "not converged"."""
@@ -169,7 +173,8 @@ class PhaseSolution:
     def reversal_multiplier(self) -> float | None:
         """Time that the motion would save if one joint reversed, as a share of the duration.
 
-        It is the `largest_joint_sum` of the direction multipliers. None for a motion along a path.
+        It is an estimate of first order: the largest of the four joints' sums of the savings in all
+        elements (time intervals) of the motion. None for a motion along a path.
         """
         return (
             None

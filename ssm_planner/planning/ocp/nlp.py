@@ -226,7 +226,10 @@ class BoundaryConditions:
 
 @record
 class NlpData:
-    """All numbers of a program: its parameters and its bounds."""
+    """All numbers of a nonlinear program: its parameters and its bounds.
+
+    The symbols n (elements), m (coordinates u) and b (blocks) are those of the module's docstring.
+    """
 
     element_parameters: tuple[Array, ...]
     """Constants of the functions of an element, such as limits and directions of joints.

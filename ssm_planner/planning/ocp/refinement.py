@@ -68,7 +68,11 @@ NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 
 @record
 class RefinementState:
-    """State of a refinement between two solves of the program."""
+    """State of a refinement between two solves of the program.
+
+    A refinement solves the program repeatedly, with more path constraints, a finer mesh, or tighter
+    bounds, until the motion keeps all limits at every instant.
+    """
 
     guess: Array
     """Elements of the guess at which the refinement began, (n, 4 m + 1)."""

@@ -104,9 +104,10 @@ class BlendedPath(JointPath):
 
     @cached_property
     def _roundings(self) -> Array:
-        """Coefficients of the quintics of all roundings, (k, 6, 4).
+        """Coefficients of the quintic polynomials on the roundings of all k corners, (k, 6, 4).
 
-        They belong to the powers of s since the start of the rounding.
+        Each of the 4 joints has 6 coefficients. They belong to the powers 0 to 5 of the difference
+        between s and its value at the start of the rounding.
         """
         starts, ends = self.breaks[1:-1:2], self.breaks[2:-1:2]
         leaving = [self._on_piece(k, starts[[k]]) for k in range(len(starts))]
