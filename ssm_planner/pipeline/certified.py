@@ -36,7 +36,10 @@ In all known problems, a fourth round failed if the third one failed.
 
 @record
 class Outcome:
-    """A planned motion with its certificate, or the reason why there is no certified motion."""
+    """A planned motion with its certificate, or the reason why there is no certified motion.
+
+    The certificate is the result of the independent check of all limits.
+    """
 
     planned: PlannerResult
     """Result of the planner."""

@@ -108,7 +108,10 @@ class CurveFollower:
 
     @property
     def points(self) -> Array:
-        """Joint positions (n, 4) of a spline or table, from `beginning` and without repetitions."""
+        """Joint positions (n, 4) of a spline or table, rad and m, without repeated points.
+
+        The first row is where the curve begins (`beginning`).
+        """
         # Row 0 is the present position, and `beginning` is the first point of a table.
         first_row = 1 if self.motion.curve == "spline" else 2
         points = np.vstack([self.beginning, self.joints[first_row:]])
@@ -367,7 +370,10 @@ def driven_joints(problem: Problem) -> tuple[int, ...]:
 
 
 def _arc_about_axis(tips: Array, centre: Array, normal: Array) -> CurveTerms:
-    """Return the terms of the arc about a given axis from the first to the last of its points.
+    """Return the arc about a given axis from the first to the last of its points.
+
+    The arc is fixed + cos(s angle) u + sin(s angle) v for s from 0 to 1, with its centre `fixed`
+    and two perpendicular radii u and v, of which u points to its start.
 
     Parameters
     ----------
@@ -377,6 +383,13 @@ def _arc_about_axis(tips: Array, centre: Array, normal: Array) -> CurveTerms:
         Centre of the circle, m.
     normal : (3,) array
         Unit vector of its axis.
+
+    Returns
+    -------
+    terms : (4, 3) array
+        Vectors fixed, line (0 for an arc), u and v, m.
+    angle : float
+        Angle from the first to the last point, from −π to π, rad.
     """
     start, end = tips[0] - centre, tips[-1] - centre
     across = np.cross(normal, start)

@@ -533,7 +533,9 @@ def rest_to_rest_times(
 ) -> Array:
     """Return the durations of the fastest motions from rest to rest, s.
 
-    Each is the duration of `rest_to_rest`, computed without its pieces. All arguments broadcast.
+    Such a motion speeds up, moves on at its peak velocity v, and slows down. With the distance d
+    and the time T in which the velocity rises from 0 to v, its duration is T + d / v. All arguments
+    broadcast.
 
     Parameters
     ----------

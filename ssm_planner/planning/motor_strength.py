@@ -276,7 +276,10 @@ def check_thermal_bound(problem: Problem) -> Reason | None:
 
 @record
 class _SlowMotion:
-    """Samples of a phase along a given path, for bounds on torque that hold at every speed."""
+    """Samples of a phase along a given path q(s), for bounds on torque that hold at every speed.
+
+    s is the path parameter from 0 to 1, primes are derivatives with respect to s, and ṡ = ds/dt.
+    """
 
     samples: PathSamples
     """q, q' and q'' at n values of s."""

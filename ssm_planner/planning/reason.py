@@ -104,6 +104,11 @@ def short_duration_reason(name: str, requested: float, needed: float) -> Reason:
         Name of the motion.
     requested, needed : float
         Requested duration and shortest duration, s.
+
+    Returns
+    -------
+    Reason
+        A reason whose limit is the requested duration.
     """
     text = (
         f"{name} takes at least {needed:.6g} s within the limits, "
@@ -148,6 +153,11 @@ def duration_sum_reason(requested: float, total: float) -> Reason:
         Requested total duration, s.
     total : float
         Sum of the requested durations of all motions, s.
+
+    Returns
+    -------
+    Reason
+        A reason whose limit is the requested total duration.
     """
     text = (
         f"the durations of the motions add up to {total:.6g} s, "

@@ -181,9 +181,19 @@ def _runs_of_equal_sign(signs: Array) -> list[tuple[int, int]]:
 
 
 def _fill_zeros(directions: Array) -> Array:
-    """Replace zeros in the directions (n,) of a joint by its next nonzero direction.
+    """Replace zeros in the directions of a joint by its next nonzero direction.
 
     Zeros at the end take the last nonzero direction.
+
+    Parameters
+    ----------
+    directions : (n,) array
+        Directions +1, −1 or 0 of the joint in the elements (time intervals) of a motion.
+
+    Returns
+    -------
+    (n,) array
+        Directions without zeros, unless all of them are 0.
     """
     nonzero = np.flatnonzero(directions)
     if not nonzero.size:

@@ -38,7 +38,10 @@ number is limited.
 
 @record
 class MissionMotion:
-    """The duration of a whole problem, with the motions of its phases if they are planned."""
+    """The duration of a whole problem, with the motions of its phases if they are planned.
+
+    A phase is an entry of the motion list with its joint positions.
+    """
 
     duration: float
     """Duration, s."""

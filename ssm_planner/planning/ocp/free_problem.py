@@ -299,10 +299,12 @@ class FreeProblem(OcpProblem):
 
     @property
     def _whole_turns(self) -> Array:
-        """Whole turns, in rad, between two values of each of `RANGE_LIMITED_COORDINATES`.
+        """Whole turns, in rad, by which the ranges of task coordinates are shifted.
 
-        `task_of_joints` counts whole turns of an angle, and the closed form in the path constraints
-        does not. The constraints shift the ranges by the difference at the first point.
+        There is one value for each of `RANGE_LIMITED_COORDINATES`. The path constraints compute
+        these angles as `task_of_joints` does: the values are not wrapped, so they may differ by
+        whole turns from the values in (−π, π], to which the ranges refer at the first point. The
+        shift is this difference.
         """
         start = self.chain.points[0]
         unwrapped = task_of_joints(NUMPY, self.phase.mechanism, tuple(start))

@@ -222,7 +222,11 @@ def sample_curves(
 
 @record
 class SegmentChain:
-    """The k consecutive segments of a free motion, with their guesses."""
+    """The k consecutive segments of a free motion, with their initial guesses.
+
+    No joint reverses within a segment. Consecutive segments meet at a border, which is a given
+    point, a reversal of a joint, or a passage of the port (incision) of an eye.
+    """
 
     points: Array
     """Joint positions at the borders, (k + 1, 4), rad and m."""

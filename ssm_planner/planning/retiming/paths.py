@@ -50,7 +50,7 @@ q'' jumps at a break, so it must not be evaluated there.
 
 @record
 class PathSamples:
-    """Joint positions and their derivatives at n values of the path parameter."""
+    """Joint positions and their derivatives at n values of the path parameter s."""
 
     s: Array
     """Path parameters, (n,)."""
@@ -135,7 +135,10 @@ class JointPath(ABC):
         return find_sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
 
     def smooth_directions(self, driven: tuple[int, ...]) -> tuple[Array, Array]:
-        """Find the reversals of a path that is smooth between its breaks, as in `directions`.
+        """Find the reversals of a path that is smooth between its breaks.
+
+        The signs of q' at many samples show between which of them a joint reverses. A search for
+        the root of q' then gives the value of s.
 
         Parameters
         ----------

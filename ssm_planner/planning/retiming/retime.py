@@ -51,7 +51,10 @@ FAILURE = "TOPP-RA finds no motion along the path within the limits"
 
 @record
 class Retiming:
-    """Result of TOPP-RA: the timing of a path on a grid with n intervals."""
+    """Result of TOPP-RA: the timing of a path on a grid of the path parameter s with n intervals.
+
+    ṡ = ds/dt is the speed along the path. ṡ² is linear in s on each interval, so s̈ is constant.
+    """
 
     s: Array
     """Path parameters at the grid points, (n + 1,)."""
@@ -129,9 +132,9 @@ def holds_tip_speed(retiming: Retiming, path: JointPath, speed: float) -> bool:
     Parameters
     ----------
     retiming : Retiming
-        The motion.
+        The motion, as TOPP-RA has timed it.
     path : JointPath
-        Its path.
+        Joint path of the motion, q(s) with the path parameter s from 0 to 1.
     speed : float
         Speed of the tip, m/s. The motion is never faster, because this speed was its limit.
     """
