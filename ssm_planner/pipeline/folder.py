@@ -33,7 +33,7 @@ def write_folder(
     drawer : FigureProcess, optional
         Process that already draws the figures. By default, this process draws them.
     rate : float, optional
-        Rate of trajectory.csv, Hz. The default is that of `write_csv`.
+        Rows per second of trajectory.csv, Hz. By default, `write_csv` chooses the rate.
 
     Returns
     -------

@@ -46,6 +46,10 @@ def plan_mission(
 ) -> tuple[Outcome, Problem, bool]:
     """Return the shortest certified motion over all joint positions that reach the targets.
 
+    Several joint positions reach a target in task coordinates, or of the tip. The problem is
+    planned with the nearest ones first. The others, called alternatives, are then tried at one
+    target after the other. A motion is certified if it has passed the independent check.
+
     Parameters
     ----------
     problem : Problem
@@ -64,7 +68,7 @@ def plan_mission(
     Returns
     -------
     outcome : Outcome
-        The best motion. Its candidates include the alternatives.
+        The best motion. Its `candidates` (ways to move that were tried) include the alternatives.
     problem : Problem
         The problem with the joints of that motion as targets.
     stopped : bool

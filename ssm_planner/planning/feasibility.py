@@ -227,7 +227,8 @@ def _first_reason(reasons: Iterable[Reason | None]) -> Reason | None:
 def _check_ranges(phase: Phase) -> Iterator[Reason | None]:
     """Yield one result for each range of a joint or task coordinate.
 
-    The result is a reason if the phase leaves the range, or None if it keeps the range.
+    The result is a reason if the phase leaves the range, or None if it keeps the range. Roll and
+    spin count continuously from the start of the phase, so they may exceed a whole turn.
 
     Parameters
     ----------

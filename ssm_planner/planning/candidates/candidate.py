@@ -161,7 +161,7 @@ class Evaluation(Generic[P, R]):
             self.estimate = estimate
 
     def to_dict(self, solution: R | Reason) -> CandidateEntry:
-        """Return the entry of `candidates` in plan.json, whose `outcome` states why it lost.
+        """Return the entry of the candidate in plan.json, which states why it was taken or not.
 
         Parameters
         ----------

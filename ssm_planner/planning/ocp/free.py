@@ -280,10 +280,13 @@ class _FreeProblemBuilder:
     def build(self, count: int | None) -> FreeProblem:
         """Build the optimal control problem, with the duration of its guess as the unit of time.
 
+        In this unit, the duration of the motion is about 1, however many seconds it takes. The
+        guess is a motion in closed form, or an earlier motion that suggested reversals of joints.
+
         Parameters
         ----------
         count : int or None
-            Approximate number of mesh elements. None: `default_count`.
+            Approximate number of mesh elements (time intervals). None: `default_count`.
 
         Returns
         -------

@@ -129,6 +129,10 @@ def _least_cost_motion(
 ) -> NlpSolution | None:
     """Compute the motion of least heat or effort of the motors, starting from the fastest motion.
 
+    With a requested duration, the motion has the least effort (torque that the speed needs), or the
+    least weighted heat if heat weights are given. Without one, it has the least heat, or the least
+    weighted sum of heat and time if heat weights are given.
+
     Parameters
     ----------
     fastest : RefinedMotion

@@ -170,7 +170,8 @@ class RefinementState:
     def with_divided_elements(self, coarse: Array) -> "RefinementState":
         """Return the state with some elements divided into `PARTS_PER_DIVISION` parts.
 
-        The parts inherit the backoff of their element.
+        The parts inherit the backoff of their element, that is, the margins by which the bounds of
+        its path constraints are lowered.
 
         Parameters
         ----------

@@ -392,9 +392,10 @@ class SegmentChain:
         """Determine the segments in which the tip certainly stays outside the eye or in its port.
 
         The depth is only known at borders with fixed positions, but it only grows or only shrinks
-        within a segment. If it grows from one border to the next, the depth at the second border is
-        an upper bound of the depth at the first. Two passes, forwards and backwards, carry the
-        upper bounds to all borders.
+        within a segment (between two borders). If it grows from one border to the next, the depth
+        at the second border is an upper bound of the depth at the first. Two passes, forwards and
+        backwards, carry the upper bounds to all borders. The program does not limit the distance to
+        the retina in these segments.
 
         Parameters
         ----------
