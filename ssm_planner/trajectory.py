@@ -61,9 +61,12 @@ class Span:
 class Samples:
     """Motion of the four joints, evaluated at n times.
 
-    Examples -------- >>> import ssm_planner as ssm >>> samples =
-    ssm.load_plan("results/tilt_insert").motion.sample([0.1, 0.2, 0.3]) >>> samples.q.shape,
-    samples.qd.shape ((3, 4), (3, 4))
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> samples = ssm.load_plan("results/tilt_insert").motion.sample([0.1, 0.2, 0.3])
+    >>> samples.q.shape, samples.qd.shape
+    ((3, 4), (3, 4))
     """
 
     t: Array
