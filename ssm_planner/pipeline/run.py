@@ -715,8 +715,8 @@ def plan_to_folder(
     result = plan(problem, progress, draw, stoppable=True, on_relaxation=relax_further)
     progress(Step("writing results"))
     if drawer is not None and result.passed and result.requirements:
-        shown = [requirement.shown() for requirement in result.requirements]
-        drawer.draw("motors", result.motion, problem.robot, shown)
+        figures = [requirement.figure_data() for requirement in result.requirements]
+        drawer.draw("motors", result.motion, problem.robot, figures)
     result = result.cross_checked() if drawer is None else result.cross_checked(drawer.judgement)
     if not result.passed:
         from ssm_planner.reporting.html.report import write_no_plan

@@ -107,10 +107,10 @@ def plan_motion(
         phases, reason = _with_durations(phases, problem.duration, planner, progress)
     if reason is not None:
         return PlannerResult("infeasible", None, (), reason)
-    return _planned(list(map(planner, phases)), progress)
+    return _plan_phases(list(map(planner, phases)), progress)
 
 
-def _planned(planners: list[PhasePlanner], progress: Progress) -> PlannerResult:
+def _plan_phases(planners: list[PhasePlanner], progress: Progress) -> PlannerResult:
     """Plan all phases, one after the other, until one of them has no motion.
 
     Parameters

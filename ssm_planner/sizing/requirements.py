@@ -98,7 +98,9 @@ class MotorRequirement:
         """True if the joint lacks a motor or if values of the motor are placeholders."""
         return self.motor is None or self.motor.placeholder
 
-    def shown(self) -> Any:
+    shown = Renamed("figure_data")
+
+    def figure_data(self) -> Any:
         """Return the data that a figure of the motor draws.
 
         The result is a plain namespace with the attributes `FIGURE_FIELDS`, so that another process

@@ -186,9 +186,9 @@ def test_a_figure_shows_the_extremes_of_a_requirement(
 ) -> None:
     for requirement in motor_requirements(random_trajectory(7), robot):
         torque = requirement.torque
-        assert np.array_equal(requirement.shown().torque, torque)
+        assert np.array_equal(requirement.figure_data().torque, torque)
         monkeypatch.setattr(requirements_module, "MOST_INSTANTS", len(torque) // group)
-        few = requirement.shown()
+        few = requirement.figure_data()
         assert len(few.t) <= 2 * len(torque) / (group - 1) + 2
         assert (few.torque.min(), few.torque.max()) == (torque.min(), torque.max())
         assert np.all(np.isin(few.t, requirement.t))

@@ -230,7 +230,7 @@ def write_figures(plan: "Plan", folder: Path, drawer: FigureProcess | None = Non
         raise ExportError("the plan does not contain a trajectory to draw")
     arguments: dict[str, tuple[object, ...]] = {"motion": (trajectory, robot)}
     if plan.requirements:
-        arguments["motors"] = trajectory, robot, [item.shown() for item in plan.requirements]
+        arguments["motors"] = trajectory, robot, [item.figure_data() for item in plan.requirements]
     files = {} if drawer is None else drawer.result()
     paths: Files = {}
     for name, values in arguments.items():

@@ -521,17 +521,17 @@ def _joint_row(joint: Joint) -> tuple[str, ...]:
     unit, scale = display_unit(joint.unit, "°")
     low, high = joint.position
 
-    def shown(value: float) -> str:
+    def format_value(value: float) -> str:
         """Format a value in the display unit."""
         return format_number(scale * value, 6)
 
     return (
         joint.name,
         joint.kind,
-        f"{shown(low)} … {shown(high)} {unit}",
-        f"{shown(joint.velocity)} {unit}/s",
-        f"{shown(joint.acceleration)} {unit}/s²",
-        MISSING_VALUE if joint.jerk is None else f"{shown(joint.jerk)} {unit}/s³",
+        f"{format_value(low)} … {format_value(high)} {unit}",
+        f"{format_value(joint.velocity)} {unit}/s",
+        f"{format_value(joint.acceleration)} {unit}/s²",
+        MISSING_VALUE if joint.jerk is None else f"{format_value(joint.jerk)} {unit}/s³",
         MISSING_VALUE if joint.drive is None else joint.drive.name,
         MISSING_VALUE if joint.motor is None else joint.motor.name,
     )
