@@ -273,5 +273,5 @@ def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(
         patch.setattr("ssm_planner.loading.json_files.PARTIAL_READ_BYTES", 0)
         patch.setattr("ssm_planner.loading.json_files.BATCH_ENTRIES", 64)
         for module in ("trajectory", "verification.certificate"):
-            patch.setattr(f"ssm_planner.{module}.BLOCK", 1024)
+            patch.setattr(f"ssm_planner.{module}.PIECES_PER_BLOCK", 1024)
         assert peak(12_000) - peak(4_000) < 8_000 * 600

@@ -519,4 +519,4 @@ def in_blocks(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
     """Make the readers work in blocks of `size` rows, as they do for long files."""
     monkeypatch.setattr("ssm_planner.formats.points.IN_MEMORY_ROWS", size)
     for module in ("formats.csv", "formats.points", "trajectory"):
-        monkeypatch.setattr(f"ssm_planner.{module}.BLOCK", size)
+        monkeypatch.setattr(f"ssm_planner.{module}.PIECES_PER_BLOCK", size)

@@ -19,8 +19,8 @@ KEEPING = """
 import pickle, sys
 from pathlib import Path
 from ssm_planner.cli import main
-from ssm_planner.reproduction import EXAMPLES
-sys.path.append(str(EXAMPLES))
+from ssm_planner.reproduction import EXAMPLES_FOLDER
+sys.path.append(str(EXAMPLES_FOLDER))
 from paper_reproduction import document
 
 write = document.write

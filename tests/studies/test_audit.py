@@ -102,7 +102,8 @@ def test_a_forged_figure_of_the_front_is_found(folder: Path, factor: float) -> N
     forge(folder, number, figures=json.dumps(changed, sort_keys=True, separators=(",", ":")))
     (folder / "table.csv").unlink()
     result = audit_study(folder)
-    if number in result.planned:  # It may have left the front.
+    # A forged candidate may leave the front. Only a random part of the other candidates is planned.
+    if number in {row.number for row in run_study(study(), folder).front}:
         pair = f"{changed['peak_torque']} is stored, {figures['peak_torque']} is planned again"
         is_rounding = abs(factor - 1) < 1e-6
         texts = result.notes if is_rounding else result.faults
