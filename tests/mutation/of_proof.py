@@ -4,7 +4,8 @@
 
 A mutant is found if it raises an error, or if a bound, a verdict or a name differs from that of the
 original by more than the enclosures permit. Mutants that only change the allowance for rounding
-cannot be found in this way. The program lists all survivors.
+cannot be found in this way, so sums and products that contain a rounding unit are not mutated. The
+program lists all survivors.
 """
 
 from __future__ import annotations
@@ -43,6 +44,10 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Eq: ast.NotEq,
     ast.NotEq: ast.Eq,
 }
+ROUNDING = {"U", "UP", "TINY"}
+"""Names of the constants in `examples/prove.py` that only serve the allowance for rounding."""
+MAX_ROUNDING = 1e-10
+"""A smaller number in a sum or product is an allowance for rounding."""
 SAME = 1e-7
 """Relative difference up to which two bounds count as the same."""
 
@@ -59,6 +64,18 @@ def is_swapped(node: ast.AST) -> bool:
     if isinstance(node, ast.UnaryOp):
         return isinstance(node.op, ast.USub) and isinstance(node.operand, ast.Constant)
     return type(operator_of(node)) in SWAPS
+
+
+def rounding_nodes(tree: ast.AST) -> set[ast.AST]:
+    """Return the nodes in sums and products with a rounding unit, such as U or 1 + 1e-12."""
+    result: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        names = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
+        numbers = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
+        tiny = any(isinstance(value, float) and 0 < value < MAX_ROUNDING for value in numbers)
+        if isinstance(node, ast.BinOp) and (names & ROUNDING or tiny):
+            result |= set(ast.walk(node))
+    return result
 
 
 def operator_of(node: ast.AST) -> ast.AST | None:
@@ -255,7 +272,12 @@ def survivors(count: int, seed: int) -> Iterator[tuple[int, str, bool]]:
     """Yield (line, operator, found) of a random sample of mutants."""
     source = Path(FILE).read_text(encoding="utf-8")
     tree = ast.parse(source)
-    swapped = [number for number, node in enumerate(ast.walk(tree)) if is_swapped(node)]
+    rounding = rounding_nodes(tree)
+    swapped = [
+        number
+        for number, node in enumerate(ast.walk(tree))
+        if is_swapped(node) and node not in rounding
+    ]
     rng = np.random.default_rng(seed)
     truth = answers(load(source))
     for number in rng.permutation(swapped)[:count]:
