@@ -140,12 +140,12 @@ def test_every_room_has_its_place() -> None:
 
 @pytest.mark.parametrize("name", MODULES)
 def test_imports_go_one_way(name: str) -> None:
-    folder = room(name)
+    own_room = room(name)
     others = neighbours(name)
-    assert "ssm_planner" not in others or folder == "cli", f"{name} imports the public names"
+    assert "ssm_planner" not in others or own_room == "cli", f"{name} imports the public names"
     for other in others - {"ssm_planner"}:
-        assert ROOMS.index(room(other)) <= ROOMS.index(folder), f"{name} imports {other}"
-        assert {folder, room(other)} != STRANGERS, f"{name} imports {other}"
+        assert ROOMS.index(room(other)) <= ROOMS.index(own_room), f"{name} imports {other}"
+        assert {own_room, room(other)} != STRANGERS, f"{name} imports {other}"
 
 
 FOUND_BY_NAME = {("plans", "pipeline")}
@@ -154,12 +154,14 @@ FOUND_BY_NAME = {("plans", "pipeline")}
 
 @pytest.mark.parametrize("name", MODULES)
 def test_modules_of_higher_rooms_are_found_by_name_only_where_it_is_declared(name: str) -> None:
-    folder = room(name)
+    own_room = room(name)
     for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             module, colon, _ = node.value.partition(":")
-            if colon and module in MODULES and ROOMS.index(room(module)) > ROOMS.index(folder):
-                assert (folder, room(module)) in FOUND_BY_NAME, f"{name} finds {module} by its name"
+            if colon and module in MODULES and ROOMS.index(room(module)) > ROOMS.index(own_room):
+                assert (own_room, room(module)) in FOUND_BY_NAME, (
+                    f"{name} finds {module} by its name"
+                )
 
 
 def test_no_circle_of_files() -> None:

@@ -81,8 +81,8 @@ def test_commands_and_their_options_exist(name: str) -> None:
         parser = _build_parser([words[0]])
         (subparsers,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
         known = set(subparsers.choices[words[0]]._option_string_actions)
-        inputs = {word.partition("=")[0] for word in words if re.match(r"-(-\w|[a-z]$)", word)}
-        assert inputs <= known, (name, words)
+        options = {word.partition("=")[0] for word in words if re.match(r"-(-\w|[a-z]$)", word)}
+        assert options <= known, (name, words)
 
 
 @pytest.mark.parametrize("name", NAMES)

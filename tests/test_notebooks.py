@@ -69,9 +69,9 @@ def test_values_show_themselves_as_tables(result: Plan) -> None:
     assert result.certificate is not None
     limits = [limit.name for limit in result.certificate.limits]
     assert [row[0] for row in Cells(result.certificate._repr_html_()).rows[1:]] == limits
-    text = Cells(result._repr_html_()).rows
-    assert dict(zip(*text[:2], strict=True))["duration"] == f"{result.duration:.6g}"
-    assert [row[0] for row in text[3:]] == limits
+    rows = Cells(result._repr_html_()).rows
+    assert dict(zip(*rows[:2], strict=True))["duration"] == f"{result.duration:.6g}"
+    assert [row[0] for row in rows[3:]] == limits
     assert f"{result.duration:.6g} s" in result.motion._repr_html_()
     assert [row[0] for row in Cells(result.motion._repr_html_()).rows[1:]] == ["tilt", "insert"]
 
@@ -127,11 +127,11 @@ def test_messages_reach_the_logger_and_an_exception_cancels(
 
 @pytest.mark.slow
 def test_the_notebook_of_the_examples_prints_what_it_shows(tmp_path: Path) -> None:
-    text = nbformat.read(ROOT / "examples/first_plan.ipynb", as_version=4)
-    run = copy.deepcopy(text)
+    notebook = nbformat.read(ROOT / "examples/first_plan.ipynb", as_version=4)
+    run = copy.deepcopy(notebook)
     where = {"metadata": {"path": str(tmp_path)}}
     nbclient.NotebookClient(run, timeout=300, resources=where).execute()
-    for before, after in zip(text.cells, run.cells, strict=True):
+    for before, after in zip(notebook.cells, run.cells, strict=True):
         printed = ["".join(o.get("text", "")) for o in after.get("outputs", [])]
         assert printed == ["".join(o.get("text", "")) for o in before.get("outputs", [])]
     assert sum("image/png" in str(cell.get("outputs")) for cell in run.cells) == 2

@@ -64,11 +64,11 @@ def plan(robot: Robot) -> Plan:
 
 
 def test_a_phase_faster_than_toppra_fails_the_plan(plan: Plan) -> None:
-    request = replace(plan, software={**plan.software, "toppra": "0"})
+    changed = replace(plan, software={**plan.software, "toppra": "0"})
     for share, fails in ((2e-4, True), (0.5e-4, False), (-5e-4, False), (-0.1, False)):
         duration = 1.0 / (1 - share)
         phases = tuple(item.with_opinion(Opinion(duration)) for item in plan.phases)
-        result = replace(request, phases=phases)
+        result = replace(changed, phases=phases)
         assert bool(result.disagreements) == fails
         assert replace(plan, phases=phases).disagreements == ()
         assert any("shorter" in note for note in result.notes) == (share < -0.01)
@@ -287,16 +287,16 @@ def test_missing_and_placeholder_motors_are_noted(plan: Plan, robot: Robot) -> N
 
 def test_phases_of_no_duration_and_a_stopped_search_are_noted(plan: Plan) -> None:
     assert not any("skipped" in note or "stopped" in note for note in plan.notes)
-    target = tuple(phase(name=name, duration=0.0, toppra_duration=None) for name in "ab")
-    notes = replace(plan, phases=(phase(), *target), stopped=True).notes
+    short = tuple(phase(name=name, duration=0.0, toppra_duration=None) for name in "ab")
+    notes = replace(plan, phases=(phase(), *short), stopped=True).notes
     assert "skipped because the robot is already at the end: a, b" in notes
     assert "the search was stopped: other joints may be faster" in notes
 
 
 def test_ranges_wider_than_the_robot_s_are_noted(plan: Plan, robot: Robot) -> None:
     low, high = robot.ranges["tilt"]
-    request = problem(robot, limits=(TaskRange("tilt", low - 0.1, high),))
-    (note,) = [n for n in replace(plan, problem=request).notes if "asked for" in n]
+    wider = problem(robot, limits=(TaskRange("tilt", low - 0.1, high),))
+    (note,) = [n for n in replace(plan, problem=wider).notes if "asked for" in n]
     assert note.startswith("range of ")
     assert note.index(f"{math.degrees(low - 0.1):.4g}"[:4]) < note.index("the robot allows")
     assert not any("asked for" in n for n in plan.notes)

@@ -212,9 +212,9 @@ def test_stops_lie_on_the_path_and_are_what_the_check_says_of_each(plan):
     ]
     assert len(moving) > 50
     for t, stop in moving:
-        folder, target = plan.motion.sample(t), stop.sample(0.0)
-        np.testing.assert_allclose(target.q, folder.q, atol=1e-12)
-        np.testing.assert_allclose(target.qd, folder.qd, atol=1e-9)
+        planned, beginning = plan.motion.sample(t), stop.sample(0.0)
+        np.testing.assert_allclose(beginning.q, planned.q, atol=1e-12)
+        np.testing.assert_allclose(beginning.qd, planned.qd, atol=1e-9)
         last = stop.sample(stop.breaks[-1:], "left")
         assert np.abs(last.qd).max() < 1e-9
         assert np.abs(fine - last.q).max(axis=1).min() < 2e-4

@@ -77,14 +77,14 @@ def main(count: int = 20, seed: int = 1, *rigs: str) -> int:
             result = predicted(drive, fitted, others + moving)
             parts = result[: len(others)], result[len(others) :]
             every.append(figures(*parts))
-            for complete, part in zip(pooled, parts, strict=True):
-                complete += part
+            for pool, part in zip(pooled, parts, strict=True):
+                pool += part
             tell(name, every[-1], rig)
-        messages = figures(*pooled)
-        tell("pooled", messages, rig)
+        values = figures(*pooled)
+        tell("pooled", values, rig)
         tell("lowest", {name: min(item[name] for item in every) for name in ASKED}, rig)
         tell("highest", {name: max(item[name] for item in every) for name in ASKED}, rig)
-        met &= all(reached(messages[name], rig) for name, reached in ASKED.items())
+        met &= all(reached(values[name], rig) for name, reached in ASKED.items())
     return int(not met)
 
 

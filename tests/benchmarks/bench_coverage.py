@@ -34,12 +34,12 @@ def main(fits: int = 300, told: str = "auto", seed: int = 7, *words: str) -> int
         if done % TOLD == 0 or done == fits:
             print(f"\n{done} fits of each case, law {told}: covered of those called separable")
             for case in cases:
-                text = [
+                shares = [
                     f"{n} {np.mean(hits):.3f} of {len(hits)}"
                     for (c, n), hits in result.items()
                     if c == case
                 ]
-                print(f"{case:32} {', '.join(text) or 'none'}", flush=True)
+                print(f"{case:32} {', '.join(shares) or 'none'}", flush=True)
     return int(any(not ASKED[0] <= np.mean(hits) <= ASKED[1] for hits in result.values()))
 
 

@@ -129,5 +129,5 @@ def task_ends(problem: Problem) -> tuple[Array, Array]:
     start = np.array(
         [(problem.start.set_coordinates or {}).get(name, 0.0) for name in TASK_COORDINATES]
     )
-    request = problem.motion[0].to.set_coordinates
-    return start, np.array([request.get(name, start[k]) for k, name in enumerate(TASK_COORDINATES)])
+    target = problem.motion[0].to.set_coordinates
+    return start, np.array([target.get(name, start[k]) for k, name in enumerate(TASK_COORDINATES)])

@@ -317,7 +317,7 @@ def read_rows(file: Path) -> dict[str, list[str]]:
 def document(rows: dict[str, list[str]]) -> str:
     """Return the page with the table of the present constants."""
     present = [f"`{c.module.removeprefix('ssm_planner.')}.{c.name}`" for c in constants()]
-    text = [rows.get(label, [label, "", "", "", "not measured", ""]) for label in present]
+    table = [rows.get(label, [label, "", "", "", "not measured", ""]) for label in present]
     lines = [
         "# Constants of the planner",
         "",
@@ -330,7 +330,7 @@ def document(rows: dict[str, list[str]]) -> str:
         "",
         "| " + " | ".join(HEADER) + " |",
         "|---" * len(HEADER) + "|",
-        *("| " + " | ".join(cell.replace("|", "∣") for cell in line) + " |" for line in text),
+        *("| " + " | ".join(cell.replace("|", "∣") for cell in line) + " |" for line in table),
     ]
     return "\n".join(lines) + "\n"
 
@@ -345,18 +345,18 @@ def main() -> int:
     parser.add_argument("--cpu", action="store_true", help="also compare CPU times")
     parser.add_argument("--list", action="store_true", help="only print the constants")
     parser.add_argument("-o", "--output", type=Path, default=TABLE)
-    inputs = parser.parse_args()
-    chosen = list(constants(tuple(inputs.only)))
-    if inputs.list:
+    options = parser.parse_args()
+    chosen = list(constants(tuple(options.only)))
+    if options.list:
         print(*(f"{c.module}.{c.name} = {c.value}" for c in chosen), sep="\n")
         return 0
-    rows = read_rows(inputs.output)
+    rows = read_rows(options.output)
     base = {line[0]: line[1:] for line in run("", "", 1.0, NAMES)}
     for constant in chosen:
-        line = row(constant, base, cpu=inputs.cpu)
+        line = row(constant, base, cpu=options.cpu)
         rows[line[0]] = line
         print(" | ".join(line), flush=True)
-        inputs.output.write_text(document(rows), encoding="utf-8")
+        options.output.write_text(document(rows), encoding="utf-8")
     return 0
 
 

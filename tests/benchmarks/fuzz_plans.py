@@ -126,10 +126,10 @@ def _solved(problem: Any, finer: int, stretched: float) -> bool:
 @contextmanager
 def _otherwise(finer: int, stretched: float) -> Iterator[None]:
     """Plan with a finer mesh and a stretched guess within the context."""
-    remaining = free_ocp.find_fastest_motion
+    original = free_ocp.find_fastest_motion
 
     def optimise(task: Any, start: Any, *arguments: Any, **named: Any) -> Any:
-        return remaining(task, start.stretched(stretched), *arguments, **named)
+        return original(task, start.stretched(stretched), *arguments, **named)
 
     counts = finer * straight_ocp.MIN_ELEMENTS, finer * free_ocp.DEFAULT_ELEMENTS
     with (

@@ -23,16 +23,16 @@ SUBDIVISION = 4
 @contextmanager
 def meshed(straight: int, free: int) -> Iterator[None]:
     """Plan with about the given numbers of mesh elements within the context."""
-    remaining = {
+    solvers = {
         "solve_straight": (phase_planner.solve_straight, straight),
         "solve_free": (phase_planner.solve_free, free),
     }
 
     def solve(name: str) -> Any:
-        solver, count = remaining[name]
+        solver, count = solvers[name]
         return lambda *given, **named: solver(*given, **{**named, "count": count})
 
-    with patch.multiple(phase_planner, **{name: solve(name) for name in remaining}):
+    with patch.multiple(phase_planner, **{name: solve(name) for name in solvers}):
         yield
 
 
@@ -54,9 +54,9 @@ def along_path(path: StraightPath, elements: Array, subdivision: int = SUBDIVISI
     s[-1, -1], speed[-1, -1] = 1.0, 0.0
     ends = []
     for part in (slice(None, -1), slice(1, None)):
-        time = path.sample(s[:, part].ravel())
+        samples = path.sample(s[:, part].ravel())
         v, a = speed[:, part].reshape(-1, 1), acceleration[:, part].reshape(-1, 1)
-        ends.append((time.q, time.dq * v, time.ddq * v**2 + time.dq * a))
+        ends.append((samples.q, samples.dq * v, samples.ddq * v**2 + samples.dq * a))
     return Trajectory(breaks, quintic_coefficients(np.diff(breaks), ends[0], ends[1]), ())
 
 

@@ -60,13 +60,13 @@ class OptiFree:
                 effort += h * ca.sumsqr(value / acceleration)
             for c in POINTS:
                 t, rise = c * h, a1 - a0
-                folder = (
+                state = (
                     q + t * (v + t * (a0 / 2 + c * rise / 6)),
                     v + t * (a0 + c * rise / 2),
                     a0 + c * rise,
                 )
-                opti.subject_to(opti.bounded(0, sigma * folder[1] / speed, 1))
-                opti.subject_to(rows(*folder, limits, sigma)[0] <= 1)
+                opti.subject_to(opti.bounded(0, sigma * state[1] / speed, 1))
+                opti.subject_to(rows(*state, limits, sigma)[0] <= 1)
         opti.subject_to(rows(x[:4, 0], x[4:, 0], a[:4, 0], limits, sigma)[1] <= 1)
         opti.minimize(time + SMOOTHING * effort)
         opti.solver(

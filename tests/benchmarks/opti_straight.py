@@ -56,12 +56,12 @@ class OptiStraight:
             opti.subject_to(x[1, k + 1] == v + h * (a0 + a1) / 2)
             for c in POINTS:
                 t, rise = c * h, a1 - a0
-                folder = (
+                state = (
                     s + t * (v + t * (a0 / 2 + c * rise / 6)),
                     v + t * (a0 + c * rise / 2),
                     a0 + c * rise,
                 )
-                opti.subject_to(rows(*folder, start, end, limits)[0] <= 1)
+                opti.subject_to(rows(*state, start, end, limits)[0] <= 1)
         opti.subject_to(rows(0, 0, a[0, 0], start, end, limits)[1] <= 1)
         opti.solver(
             "ipopt",

@@ -38,15 +38,15 @@ def run(quick: bool) -> Section:
     plan = [sys.executable, "-m", "ssm_planner", "plan", str(PROBLEM), "-o"]
     taken: dict[str, list[tuple[float, float]]] = {"imports": [], "plan": []}
     with tempfile.TemporaryDirectory() as folder:
-        remaining = {
+        environment = {
             key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"
         }
-        remaining["PYTHONPYCACHEPREFIX"] = f"{folder}/bytecode"
-        _process(imports, remaining)
-        _process([*plan, f"{folder}/first"], remaining)
+        environment["PYTHONPYCACHEPREFIX"] = f"{folder}/bytecode"
+        _process(imports, environment)
+        _process([*plan, f"{folder}/first"], environment)
         for k in range(3 if quick else 7):
-            taken["imports"].append(_process(imports, remaining))
-            taken["plan"].append(_process([*plan, f"{folder}/{k}"], remaining))
+            taken["imports"].append(_process(imports, environment))
+            taken["plan"].append(_process([*plan, f"{folder}/{k}"], environment))
     base = Spread.of([seconds for seconds, _ in taken["imports"]])
     rows = []
     for name, label in (("imports", "imports alone"), ("plan", "plan")):

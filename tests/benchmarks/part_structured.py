@@ -137,7 +137,7 @@ def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
     section.say(
         f"CPU time of the first {STEPS} iterations of the straight motion, by iteration and element."
     )
-    rows, complete = [], []
+    rows, costs = [], []
     for count in meshes:
         with meshed(count, count):
             given = _asked(straight_problem(Change()))
@@ -154,10 +154,10 @@ def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
                 )[""].values
             )
         n = given[0].elements
-        complete.append((spent[STEPS] - spent[0]) / STEPS / n)
-        rows.append([str(n), f"{1e6 * complete[-1]:.2f} µs", f"{complete[-1] / complete[0]:.2f}"])
+        costs.append((spent[STEPS] - spent[0]) / STEPS / n)
+        rows.append([str(n), f"{1e6 * costs[-1]:.2f} µs", f"{costs[-1] / costs[0]:.2f}"])
     section.table(("elements", "an iteration and element", "÷ the smallest mesh's"), rows)
-    growth = max(complete) / complete[0]
+    growth = max(costs) / costs[0]
     section.asked(
         "structured solver, time per iteration and element, by mesh",
         f"≤ {GROWTH:g}",
@@ -184,10 +184,10 @@ def _row(name: str, problem: Problem, rounds: int) -> list[str]:
         planner: unchecked_copy(problem, planner=planner)
         for planner in ("ipopt", "optimal", "fast")
     }
-    request: list[tuple[Any, dict[str, Any]]] = []
+    calls: list[tuple[Any, dict[str, Any]]] = []
 
     def ask(*given: Any, **named: Any) -> Any:
-        request.append((given, named))
+        calls.append((given, named))
         return solve_structured(*given, **named)
 
     with patch.object(refinement, "solve_structured", ask):
@@ -201,9 +201,9 @@ def _row(name: str, problem: Problem, rounds: int) -> list[str]:
     ways.append(
         ", ".join(plans["ipopt"].over(plans[planner]).times() for planner in ("optimal", "fast"))
     )
-    if not request:
+    if not calls:
         return [name, *["–"] * 5, *ways]
-    (structure, element, data, start), named = request[0]
+    (structure, element, data, start), named = calls[0]
     program = Transcription.build(structure, element)
     solvers = {
         "ipopt": lambda: program.solve(data, start),

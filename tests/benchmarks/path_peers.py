@@ -110,8 +110,8 @@ def toppra_speeds(path: StraightPath, user: UserModel, points: int = POINTS) -> 
         waypoints = None
 
         def __call__(self, s: Array, order: int = 0) -> Array:
-            time = path.sample(np.atleast_1d(s))
-            values = (time.q, time.dq, time.ddq)[order]
+            samples = path.sample(np.atleast_1d(s))
+            values = (samples.q, samples.dq, samples.ddq)[order]
             return values if np.ndim(s) else values[0]
 
     def both(limit: Array) -> Array:
@@ -145,22 +145,24 @@ def copp_robot(
     import copp_py as copp
 
     grid = np.linspace(0, 1, points + 1)
-    time = path.sample(grid)
+    samples = path.sample(grid)
     robot = copp.Robot(4, capacity=len(grid), inverse_dynamics=user.motor_torque)
     robot.append_s(grid)
     h = 1e-5
     third = (path.sample(grid + h).ddq - path.sample(grid - h).ddq) / (2 * h)
     robot.set_q(
-        *(np.ascontiguousarray(value) for value in (time.q, time.dq, time.ddq)), 0, dddq=third
+        *(np.ascontiguousarray(value) for value in (samples.q, samples.dq, samples.ddq)),
+        0,
+        dddq=third,
     )
-    complete = {"start_idx_s": 0, "length": len(grid)}
-    robot.add_velocity_limits(user.velocity, -user.velocity, **complete)
-    robot.add_acceleration_limits(user.acceleration, -user.acceleration, **complete)
-    shift = user.friction * np.sign(time.dq)
-    robot.add_torque_limits(user.torque - shift, -user.torque - shift, **complete)
+    extent = {"start_idx_s": 0, "length": len(grid)}
+    robot.add_velocity_limits(user.velocity, -user.velocity, **extent)
+    robot.add_acceleration_limits(user.acceleration, -user.acceleration, **extent)
+    shift = user.friction * np.sign(samples.dq)
+    robot.add_torque_limits(user.torque - shift, -user.torque - shift, **extent)
     if user.jerk is not None:
-        robot.add_jerk_limits(user.jerk, -user.jerk, **complete)
-    return robot, grid, time.q
+        robot.add_jerk_limits(user.jerk, -user.jerk, **extent)
+    return robot, grid, samples.q
 
 
 def copp_speeds(path: StraightPath, user: UserModel) -> tuple[Array, Array]:
@@ -195,8 +197,12 @@ def copp_jerk_limited(path: StraightPath, user: UserModel, rounds: int = 2) -> T
         profile = copp.solver.topp3_socp.solve(third)
         around = {"a_linearization": profile.a, "b_linearization": profile.b}
     _, times = copp.interpolation.s_to_t_topp3(grid, profile)
-    time, speed = path.sample(grid), np.sqrt(np.maximum(profile.a, 0.0))[:, None]
-    states = time.q, time.dq * speed, time.ddq * speed**2 + time.dq * np.asarray(profile.b)[:, None]
+    samples, speed = path.sample(grid), np.sqrt(np.maximum(profile.a, 0.0))[:, None]
+    states = (
+        samples.q,
+        samples.dq * speed,
+        samples.ddq * speed**2 + samples.dq * np.asarray(profile.b)[:, None],
+    )
     times = np.asarray(times) - times[0]
     starts, ends = tuple(x[:-1] for x in states), tuple(x[1:] for x in states)
     return Trajectory(times, quintic_coefficients(np.diff(times), starts, ends), ())

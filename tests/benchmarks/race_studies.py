@@ -87,15 +87,15 @@ class Planned:
     def rows(self, designs: list[Design], first: int) -> list[Candidate]:
         """Return the rows of the candidates, numbered from `first`."""
         keys = [tuple(design.values()) for design in designs]
-        request = {}
+        futures = {}
         for key, design, fallen in zip(keys, designs, self.screens.reject(designs), strict=True):
-            if key in self._found or key in request:
+            if key in self._found or key in futures:
                 continue
             if fallen is None:
-                request[key] = self._submit(0, design)
+                futures[key] = self._submit(0, design)
             else:
                 self._found[key] = Candidate(0, "infeasible", design, fallen.stage, fallen.reason)
-        self._found |= {key: future.result() for key, future in request.items()}
+        self._found |= {key: future.result() for key, future in futures.items()}
         return [replace(self._found[key], number=first + i) for i, key in enumerate(keys)]
 
 

@@ -41,9 +41,9 @@ class RockitFree:
         first, last, limits, sigma = (ocp.parameter(n) for n in (4, 4, LIMITS, 4))
         acceleration = qdd / limits[4:8]
         ocp.add_objective(ocp.T + SMOOTHING * ocp.integral(ca.sumsqr(acceleration)))
-        for time, value in ((ocp.at_t0, first), (ocp.at_tf, last)):
-            ocp.subject_to(time(q) == value)
-            ocp.subject_to(time(qd) == 0)
+        for at_end, value in ((ocp.at_t0, first), (ocp.at_tf, last)):
+            ocp.subject_to(at_end(q) == value)
+            ocp.subject_to(at_end(qd) == 0)
         ocp.subject_to((acceleration <= 1) >= -1)
         ocp.subject_to((sigma * qd / limits[:4] <= 1) >= 0)
         torque, breakaway = rows(q, qd, qdd, limits, sigma)

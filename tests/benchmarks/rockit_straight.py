@@ -42,12 +42,12 @@ class RockitStraight:
         ocp.set_der(speed, acceleration)
         start, end, limits = (ocp.parameter(n) for n in (4, 4, LIMITS))
         ocp.add_objective(ocp.T)
-        for time, value in ((ocp.at_t0, 0), (ocp.at_tf, 1)):
-            ocp.subject_to(time(s) == value)
-            ocp.subject_to(time(speed) == 0)
+        for at_end, value in ((ocp.at_t0, 0), (ocp.at_tf, 1)):
+            ocp.subject_to(at_end(s) == value)
+            ocp.subject_to(at_end(speed) == 0)
         ocp.subject_to(speed >= 0)
-        folder, breakaway = rows(s, speed, acceleration, start, end, limits)
-        ocp.subject_to(folder <= 1, grid="integrator")
+        usage, breakaway = rows(s, speed, acceleration, start, end, limits)
+        ocp.subject_to(usage <= 1, grid="integrator")
         ocp.subject_to(ocp.at_t0(breakaway) <= 1)
         ocp.solver(
             "ipopt",

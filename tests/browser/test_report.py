@@ -67,11 +67,11 @@ def test_opens_in_time(visit: Open, report: Path) -> None:
 def test_shown_joints_are_the_plans(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
     plan = load_plan(PLAN)
-    text = np.array([180 / np.pi, 180 / np.pi, 180 / np.pi, 1e3])
+    scale = np.array([180 / np.pi, 180 / np.pi, 180 / np.pi, 1e3])
     for share in (0.0, 0.31, 0.77, 1.0):
         page.evaluate(f"SSM.player.set({share} * (SSM.player.times.length - 1))")
         t = page.evaluate("SSM.player.times[SSM.player.index]")
-        expected = text * plan.trajectory.sample(np.array([t]), side="left").q[0]
+        expected = scale * plan.trajectory.sample(np.array([t]), side="left").q[0]
         cells = [number(page.inner_text(f'[data-channel="q{i}"]')) for i in range(4)]
         assert cells == [pytest.approx(value, abs=0.00051) for value in expected]
 
@@ -225,8 +225,8 @@ def test_a_simulated_arm_moves_beside_the_planned_one(
     page.evaluate("SSM.player.at(1.5)")
     t = page.evaluate("SSM.player.times[SSM.player.index]")
     for side, q in (("planned", result.planned), ("simulated", result.q)):
-        text = number(page.inner_text(f'[data-channel="{side} q1"]'))
-        assert text == pytest.approx(np.rad2deg(np.interp(t, result.time, q[:, 1])), abs=0.002)
+        value = number(page.inner_text(f'[data-channel="{side} q1"]'))
+        assert value == pytest.approx(np.rad2deg(np.interp(t, result.time, q[:, 1])), abs=0.002)
     mechanism = Mechanism.from_geometry(plan.robot.geometry)
     tip = tip_position(
         mechanism, np.array([[np.interp(t, result.time, column) for column in result.q.T]])
@@ -337,12 +337,12 @@ def test_whether_the_motors_suffice_is_said_above_and_shown_below(
     page.click("header .unknowns summary")
     assert f"{verdict} {reason}" in page.inner_text("header .verdict")
     tables = page.locator("#sizing table")
-    text = [
+    rows = [
         tables.nth(0).locator("tr").nth(i).inner_text().split("\t")
         for i in range(tables.nth(0).locator("tr").count())
     ]
     for column, motor in enumerate(load_plan(PLAN).sizing.to_dict()["motors"], start=1):
-        cells = {row[0]: row[column] for row in text}
+        cells = {row[0]: row[column] for row in rows}
         assert cells["joint"] == motor["joint"]
         for name in ("torque", "speed"):
             assert number(cells[name].split(" ")[0]) == pytest.approx(
@@ -670,8 +670,8 @@ def test_no_label_stands_behind_the_legend_or_the_buttons(visit: Open, report: P
     page = visit(report.as_uri()).page
     page.wait_for_timeout(100)
     visible = "(each) => getComputedStyle(each).visibility === 'visible'"
-    text = f"(which) => [...document.querySelectorAll(which)].filter({visible})"
-    boxes = f"({text})(which).map((each) => each.getBoundingClientRect().toJSON())"
+    select = f"(which) => [...document.querySelectorAll(which)].filter({visible})"
+    boxes = f"({select})(which).map((each) => each.getBoundingClientRect().toJSON())"
     labels, before = (
         page.evaluate(f"(which) => {boxes}", which)
         for which in ("#scene .labels > *", "#scene .scene-legend, #scene .views")

@@ -234,7 +234,7 @@ def test_no_verdict_is_stale_in_random_interactions(visit: Open, server: ViewSer
     page.evaluate(STUB)
     current = 0
     for _ in range(rounds):
-        text = page.evaluate(
+        states = page.evaluate(
             f"""async () => {{
               const states = [];
               for (let i = 0; i < 20; i++) {{
@@ -246,9 +246,9 @@ def test_no_verdict_is_stale_in_random_interactions(visit: Open, server: ViewSer
               return states;
             }}"""
         )
-        assert [name for state in text if (name := contradiction(state))] == []
+        assert [name for state in states if (name := contradiction(state))] == []
         current += sum(
-            not state["stale"] and state["text"].startswith("planned {") for state in text
+            not state["stale"] and state["text"].startswith("planned {") for state in states
         )
     assert current > rounds / 5, "verdicts that hold were seen"
     assert page.evaluate("window.asked") > 0.6 * rounds

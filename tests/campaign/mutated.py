@@ -70,29 +70,31 @@ def mutated_bytes(rng: random.Random, data: bytes) -> bytes:
     A change flips, cuts or repeats bytes, or replaces words and numbers by hostile ones.
     """
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
-        time = rng.randrange(len(data) + 1)
+        offset = rng.randrange(len(data) + 1)
         size = rng.choice((1, 1, 2, 8, 64, 1000))
         what = rng.randrange(7)
         if what == 0:
             data = (
-                data[:time]
+                data[:offset]
                 + bytes(rng.randrange(256) for _ in range(size % 9))
-                + data[time + size % 9 :]
+                + data[offset + size % 9 :]
             )
         elif what == 1:
-            data = data[:time] + data[time + size :]
+            data = data[:offset] + data[offset + size :]
         elif what == 2:
-            data = data[:time]
+            data = data[:offset]
         elif what == 3:
             data = (
-                data[:time]
-                + data[time : time + size] * rng.choice((2, 3, 50))
-                + data[time + size :]
+                data[:offset]
+                + data[offset : offset + size] * rng.choice((2, 3, 50))
+                + data[offset + size :]
             )
         elif what == 4:
-            data = data[:time] + rng.choice(TOKENS).encode("utf-8", "surrogatepass") + data[time:]
+            data = (
+                data[:offset] + rng.choice(TOKENS).encode("utf-8", "surrogatepass") + data[offset:]
+            )
         else:
-            data = _replaced_word(rng, data, time)
+            data = _replaced_word(rng, data, offset)
     return data
 
 

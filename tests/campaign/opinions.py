@@ -55,11 +55,11 @@ def judged(made: Plan, robot: Robot | None = None) -> Plan:
     """Return the plan as toppra judges it, with the limits of the robot or of another one."""
     problem = unchecked_copy(made.problem, planner="optimal", robot=robot or made.robot)
     software = {name: text for name, text in made.software.items() if name != "toppra"}
-    request = replace(
+    changed = replace(
         made, problem=unchecked_copy(made.problem, planner="optimal"), software=software
     )
     opinions = second_opinions(made.motion, problem)
-    return request.cross_checked(lambda: (opinions, ()))
+    return changed.cross_checked(lambda: (opinions, ()))
 
 
 def disagreement(result: Plan) -> str | None:

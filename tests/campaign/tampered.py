@@ -515,11 +515,11 @@ def _exports(folder: Path, count: int, seed: int) -> list[Row]:
         for _ in range(count // len(FORMS)):
             file = folder / form / rng.choice(names)
             data = file.read_bytes()
-            time = rng.randrange(len(data))
+            offset = rng.randrange(len(data))
             other = (
-                copy.copy(data[:time])
-                + bytes([data[time] ^ (1 << rng.randrange(8))])
-                + data[time + 1 :]
+                copy.copy(data[:offset])
+                + bytes([data[offset] ^ (1 << rng.randrange(8))])
+                + data[offset + 1 :]
             )
             file.write_bytes(other)
             status, out, err, fault = command("check", str(folder / form), "--robot", str(ROBOT))

@@ -134,8 +134,8 @@ class Violations:
         near = self.rng.choice(more) + 10 ** self.rng.uniform(-6, np.log10(2e-4))
         t = np.sort(np.append(np.concatenate([breaks, more]), near))
         if ticks:  # the sum of seconds and nanoseconds, as a reader computes it
-            complete = np.round(t / ticks)
-            t = complete // 1e9 + complete % 1e9 * ticks
+            nanoseconds = np.round(t / ticks)
+            t = nanoseconds // 1e9 + nanoseconds % 1e9 * ticks
         samples = self.trajectory.sample(t)
         samples.qd[[0, -1]] = 0.0
         return t, samples.q.copy(), samples.qd.copy()

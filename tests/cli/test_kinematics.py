@@ -102,8 +102,8 @@ def test_ik_returns_branches_that_reach(robot):
     assert len(result["branches"]) == 2
     mech = Mechanism.from_geometry(robot.geometry)
     expected = pose_from_task(mech, [[*target.values()]])
-    for reached, request in zip(forward(mech, result["branches"]), expected, strict=True):
-        assert np.abs(reached - request).max() < 1e-12
+    for reached, pose in zip(forward(mech, result["branches"]), expected, strict=True):
+        assert np.abs(reached - pose).max() < 1e-12
 
 
 def test_ik_within_limits_drops_what_is_outside(robot):

@@ -216,12 +216,15 @@ def test_a_table_gets_narrower_by_wrapping_text_never_numbers() -> None:
 def test_colours_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
-    plain, text, refused = io.StringIO(), Terminal(), Terminal()
-    for stream in (plain, text):
+    plain, coloured, refused = io.StringIO(), Terminal(), Terminal()
+    for stream in (plain, coloured):
         monkeypatch.setattr("sys.stdout", stream)
         print_lines(["check: PASSED", "motor BEYOND", "nothing"])
     assert plain.getvalue() == "check: PASSED\nmotor BEYOND\nnothing\n"
-    assert text.getvalue() == "check: \x1b[32mPASSED\x1b[0m\nmotor \x1b[31mBEYOND\x1b[0m\nnothing\n"
+    assert (
+        coloured.getvalue()
+        == "check: \x1b[32mPASSED\x1b[0m\nmotor \x1b[31mBEYOND\x1b[0m\nnothing\n"
+    )
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setattr("sys.stdout", refused)
     print_lines(["check: PASSED"])

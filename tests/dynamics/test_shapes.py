@@ -62,13 +62,13 @@ def test_an_arc_is_the_sum_of_its_cells(seed):
 
 
 def test_a_box_and_a_rod_are_the_sums_of_their_cells():
-    time, size = np.array([0.02, -0.05, 0.11]), np.array([0.03, 0.07, 0.05])
+    centre, size = np.array([0.02, -0.05, 0.11]), np.array([0.03, 0.07, 0.05])
     grid = np.stack(
         np.meshgrid(*(middles(-side / 2, side / 2, 60) for side in size)), axis=-1
     ).reshape(-1, 3)
     close(
-        shapes.box_moments(0.3, time, size),
-        summed(time + grid, np.full(len(grid), 0.3 / len(grid))),
+        shapes.box_moments(0.3, centre, size),
+        summed(centre + grid, np.full(len(grid), 0.3 / len(grid))),
         1e-3,
     )
     start, end, diameter = np.array([0.0, 0.01, 0.05]), np.array([0.04, 0.1, 0.2]), 0.03

@@ -70,16 +70,16 @@ def test_the_transforms_lead_to_the_tool(
     from scipy.spatial.transform import Rotation
 
     for time, content in messages["/tf"][::40]:
-        complete, parent = Rotation.identity(), "base"
+        orientation, parent = Rotation.identity(), "base"
         for transform in content["transforms"]:
             assert transform["parent_frame_id"] == parent
             parent = transform["child_frame_id"]
-            complete *= Rotation.from_quat([transform["rotation"][key] for key in "xyzw"])
+            orientation *= Rotation.from_quat([transform["rotation"][key] for key in "xyzw"])
             stamp = transform["timestamp"]
             assert stamp["sec"] * 10**9 + stamp["nsec"] == time
         assert parent == "tool"
         q = shipped.motion.sample(shipped.motion.breaks[0] + np.array([time / 1e9]), clamp=True).q
-        assert np.abs(complete.as_matrix() - fk(shipped.robot, q).rotation[0]).max() <= 1e-8
+        assert np.abs(orientation.as_matrix() - fk(shipped.robot, q).rotation[0]).max() <= 1e-8
 
 
 def test_the_robot_is_beside_the_file(exported: Callable[[str], Path]) -> None:

@@ -161,8 +161,8 @@ def run_all(library: ctypes.CDLL, s: Samples, dtype: type = np.float64) -> tuple
     n = len(s.t)
     out = tuple(np.empty((n, size), dtype) for size in (9, 3, 4, 4))
     inputs = (np.ascontiguousarray(x, dtype) for x in (s.q, s.qd, s.qdd, s.qddd))
-    library.all(ctypes.c_long(n), *pointers(*(remaining := [*inputs, *out])))
-    return tuple(remaining[4:])
+    library.all(ctypes.c_long(n), *pointers(*(arrays := [*inputs, *out])))
+    return tuple(arrays[4:])
 
 
 def close(found: np.ndarray, expected: np.ndarray) -> None:
@@ -247,9 +247,9 @@ def test_inverse_kinematics_in_c(robot: Robot, library: ctypes.CDLL) -> None:
         assert np.abs(turns - np.round(turns)).max() <= AGREEMENT
         assert np.abs(q[:, :3] - near[:, :3]).max() <= np.pi * (1 + 1e-9)
         reached = forward(mechanism, q)
-        request = forward(mechanism, solutions.joints[:, k])
-        assert np.abs(reached[0] - request[0]).max() <= 1e-12
-        assert np.abs(reached[1] - request[1]).max() <= 1e-12
+        expected = forward(mechanism, solutions.joints[:, k])
+        assert np.abs(reached[0] - expected[0]).max() <= 1e-12
+        assert np.abs(reached[1] - expected[1]).max() <= 1e-12
     outside, q = np.array([[0.0, -0.5, 0.0, 0.0]]), np.empty((1, 4))
     library.inverse(ctypes.c_long(1), *pointers(outside, np.ones(1), np.zeros((1, 4)), q))
     assert np.isnan(q[0, 1])

@@ -479,10 +479,10 @@ def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
             assert np.array_equal(received[:, 2], rows["torque_offset_permille"])
             assert abs(drives[joint.name].position - exact[-1]) <= 1
             # At every SYNC, `simulate` demands the same position to within an increment.
-            messages = told_to_simulation(plan)[:: round(0.004 / LOOP_PERIOD), i][:count]
-            increments = messages * joint.motor_direction * COUNTS / (2 * np.pi)
-            assert len(messages) >= count - 1
-            assert np.abs(received[: len(messages), 0] - increments).max() <= 1
+            setpoints = told_to_simulation(plan)[:: round(0.004 / LOOP_PERIOD), i][:count]
+            increments = setpoints * joint.motor_direction * COUNTS / (2 * np.pi)
+            assert len(setpoints) >= count - 1
+            assert np.abs(received[: len(setpoints), 0] - increments).max() <= 1
             reported, target = clients[joint.name].tpdo[2][0], int(received[-1, 0])
             assert settled(lambda reported=reported, target=target: reported.raw == target)
 

@@ -60,17 +60,17 @@ def test_offsets_of_the_motion_itself_pass_and_changed_ones_do_not(
         joint = plan.robot.joints[i]
         exact = offsets[i]
         k = count // 3
-        time = np.arange(count) == k
+        mask = np.arange(count) == k
         step = joint.acceleration * 4e-3
-        faster = replace(exact, velocity=exact.velocity + step * time)
+        faster = replace(exact, velocity=exact.velocity + step * mask)
         check = checks_of(plan, t, q, {**offsets, i: faster})[velocity, joint.name]
         assert not check.passed
         assert check.time in t[k - 1 : k + 1]
-        stronger = replace(exact, torque=exact.torque + 0.6 * np.ptp(exact.torque) * time)
+        stronger = replace(exact, torque=exact.torque + 0.6 * np.ptp(exact.torque) * mask)
         check = checks_of(plan, t, q, {**offsets, i: stronger})[torque, joint.name]
         assert not check.passed
         assert check.time == t[k]
-        weaker = replace(exact, torque=exact.torque - 0.6 * np.ptp(exact.torque) * time)
+        weaker = replace(exact, torque=exact.torque - 0.6 * np.ptp(exact.torque) * mask)
         assert not checks_of(plan, t, q, {**offsets, i: weaker})[torque, joint.name].passed
         check = result[motor, joint.name]
         assert check.worst == pytest.approx(np.abs(exact.torque).max() - 1e-6)

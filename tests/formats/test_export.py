@@ -118,9 +118,9 @@ def test_a_slower_export_is_the_slower_motion_with_a_certificate_of_its_own(
     assert manifest["plan"]["duration_s"] == pytest.approx(2 * source.motion.duration)
     reading = read_trajectory(tmp_path, robot)
     t = np.linspace(0.0, source.motion.duration, 200)
-    folder, target = reading.trajectory.sample(2 * t), source.motion.sample(t)
-    assert folder.q == pytest.approx(target.q, abs=1e-6)
-    assert folder.qd == pytest.approx(target.qd / 2, abs=1e-4)
+    slower, original = reading.trajectory.sample(2 * t), source.motion.sample(t)
+    assert slower.q == pytest.approx(original.q, abs=1e-6)
+    assert slower.qd == pytest.approx(original.qd / 2, abs=1e-4)
     _, complete = export(plan, "csv", tmp_path / "whole")
     assert "speed" not in complete
     for speed in (0.0, 1.5):

@@ -301,9 +301,9 @@ def test_damaged_bags_are_refused(made: Plan, robot: Robot, tmp_path: Path) -> N
     file = next(folder.glob("*.mcap"))
     data, rng = file.read_bytes(), np.random.default_rng(0)
     for _ in range(100):
-        time = int(rng.integers(len(data)))
+        offset = int(rng.integers(len(data)))
         file.write_bytes(
-            data[:time] + bytes([rng.integers(256)]) + data[time + int(rng.integers(2)) :]
+            data[:offset] + bytes([rng.integers(256)]) + data[offset + int(rng.integers(2)) :]
         )
         try:
             read_trajectory(folder, robot)

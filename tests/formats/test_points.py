@@ -163,8 +163,8 @@ def test_rates_that_a_file_declares_give_way_to_those_asked_for() -> None:
     reading = Reading(trajectory, "x", None, start_rate={"tilt": 0.1}, end_rate={"roll": 0.2})
     taken = reading.add_declared_rates(TaskLimits())
     assert (taken.start_rate, taken.end_rate) == ({"tilt": 0.1}, {"roll": 0.2})
-    remaining = reading.add_declared_rates(TaskLimits(start_rate=None, end_rate={"roll": 0.3}))
-    assert (remaining.start_rate, remaining.end_rate) == (None, {"roll": 0.3})
+    limits = reading.add_declared_rates(TaskLimits(start_rate=None, end_rate={"roll": 0.3}))
+    assert (limits.start_rate, limits.end_rate) == (None, {"roll": 0.3})
 
 
 @pytest.mark.parametrize(

@@ -333,7 +333,7 @@ def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(
         comments="",
     )
     reading = read_trajectory(path, robot)
-    for factor, remaining in ((1.0001, True), (0.98, False)):
+    for factor, is_kept in ((1.0001, True), (0.98, False)):
         tight = of_task(
             tip_speed=factor * worst["tip speed"],
             rates={name: factor * worst[f"{name} rate"] for name in ("roll", "tilt", "spin")}
@@ -343,13 +343,13 @@ def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(
         names = {v.name for v in result.violations}
         assert names == (
             set()
-            if remaining
+            if is_kept
             else {"tip speed", "roll rate", "tilt rate", "spin rate", "insertion speed"}
         )
         for limit in result.limits:
             if limit.name in names:
                 assert limit.worst == pytest.approx(worst[limit.name], rel=0.01)
-        if remaining:
+        if is_kept:
             assert len(check(reading.trajectory, robot, tight).violations) >= 5
 
 

@@ -92,10 +92,10 @@ def test_every_moving_link_has_an_inertia_and_the_massless_add_nothing(robot: Ro
 def test_roll_pitch_and_yaw_make_the_rotation_up_to_a_pitch_of_90_degrees(pitch: float) -> None:
     x, y, z = np.eye(3)
     for roll, yaw in ((0.4, -0.7), (-2.0, 2.5), (0.0, 0.0), (3.0, 1.0)):
-        complete = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
-        result = rpy_angles(complete)
+        matrix = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
+        result = rpy_angles(matrix)
         again = rotation(z, result[2]) @ rotation(y, result[1]) @ rotation(x, result[0])
-        assert again == pytest.approx(complete, abs=1e-12)
+        assert again == pytest.approx(matrix, abs=1e-12)
         if abs(pitch) < 1.5:
             assert result == pytest.approx([roll, pitch, yaw])
     exact = np.array([[0.0, 0.6, 0.8], [0.0, 0.8, -0.6], [-1.0, 0.0, 0.0]])
@@ -129,10 +129,8 @@ def pinocchio(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
 
 def mujoco(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
     mj = pytest.importorskip("mujoco", reason="package mujoco, extra test")
-    complete = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'  # The tool remains a separate body.
-    model = mj.MjModel.from_xml_string(
-        path.read_text(encoding="utf-8").replace("</robot>", complete)
-    )
+    ending = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'  # The tool remains a separate body.
+    model = mj.MjModel.from_xml_string(path.read_text(encoding="utf-8").replace("</robot>", ending))
     model.opt.gravity[:] = robot.gravity
     model.opt.disableflags |= mj.mjtDisableBit.mjDSBL_CONSTRAINT  # without limits and contacts
     data, tool = mj.MjData(model), model.body("tool").id
@@ -200,8 +198,8 @@ def test_other_people_s_readers_find_equal_masses_kinematics_and_dynamics(
     path = tmp_path / "robot.urdf"
     path.write_text(robot_urdf(robot), encoding="utf-8")
     masses, evaluate = reader(path, robot)
-    inputs = [body.mass or SMALLEST_MASS for body in robot.bodies]
-    assert list(masses.values()) == pytest.approx(inputs, rel=1e-12)
+    body_masses = [body.mass or SMALLEST_MASS for body in robot.bodies]
+    assert list(masses.values()) == pytest.approx(body_masses, rel=1e-12)
     mechanism, body = Mechanism.from_geometry(robot.geometry), RigidBody.from_robot(robot)
     q = RNG.uniform(-3, 3, (50, 4)) * [1, 1, 1, 0.05]
     qd, qdd = RNG.normal(size=(50, 4)), RNG.normal(size=(50, 4)) * 5

@@ -189,16 +189,16 @@ def test_reference_values_decide_only_what_the_data_leave_open():
     drive, load = rig("rig3_worm")
     data = synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(3))
     alone = fit_map(drive, data, load, law="coulomb")
-    messages = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
+    with_reference = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
     # The undetermined mu moves to within half of its prior deviation from the reference. The
     # determined b_v does not move, although its reference is over 7 prior deviations away.
-    assert abs(np.log(messages.estimates["mu"].value / 0.07)) < 0.5 * PRIOR_DEVIATIONS["mu"]
+    assert abs(np.log(with_reference.estimates["mu"].value / 0.07)) < 0.5 * PRIOR_DEVIATIONS["mu"]
     known = alone.estimates["b_v"]
-    assert messages.estimates["b_v"].value == pytest.approx(
+    assert with_reference.estimates["b_v"].value == pytest.approx(
         known.value, abs=0.1 * (known.high - known.low)
     )
     np.testing.assert_allclose(
-        messages.predicted, alone.predicted, atol=0.02 * np.ptp(data.tau) / 10
+        with_reference.predicted, alone.predicted, atol=0.02 * np.ptp(data.tau) / 10
     )
 
 

@@ -98,7 +98,7 @@ def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
     mu_static, dwell, memory = truth
     drive = identified()
     drive = replace(drive, friction=replace(required_friction(drive), posterior=None))
-    messages = replace(
+    friction = replace(
         required_friction(drive), mu_static=mu_static, dwell_constant=dwell, memory=memory
     )
     rng = np.random.default_rng(0)
@@ -106,7 +106,7 @@ def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
     for rest in (0.5, 1.0, 4.0):
         time, w = start_stop(rest)
         tau = predict_torque(
-            replace(drive, friction=messages), RecordedMotion.from_speed(time, w), -0.0188, 0.0
+            replace(drive, friction=friction), RecordedMotion.from_speed(time, w), -0.0188, 0.0
         )
         recordings.append(Recording(f"{rest}", time, w, tau + rng.normal(0, 2e-5, len(tau))))
     fit = fit_dynamic(drive, recordings, -0.0188)
@@ -169,12 +169,12 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
     )
     assert drive.friction.posterior.law_shares(drive.friction.law) == result["law_shares"]
     for name in set(drive.friction.posterior.names) - unused:
-        text, column = result["parameters"][name], drive.friction.posterior.column(name)
-        tails = (np.mean(column < text["low"]), np.mean(column > text["high"]))
+        entry, column = result["parameters"][name], drive.friction.posterior.column(name)
+        tails = (np.mean(column < entry["low"]), np.mean(column > entry["high"]))
         for tail, end in zip(tails, ("low", "high"), strict=True):
             # About 25 ± 5 of 1000 sets lie beyond each end, or fewer if the end is the value.
             assert tail <= 0.045, (name, end)
-            assert tail >= 0.005 or text[end] == text["value"], (name, end)
+            assert tail >= 0.005 or entry[end] == entry["value"], (name, end)
 
 
 def test_commands_refuse_what_they_cannot_use(tmp_path):

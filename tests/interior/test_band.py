@@ -60,10 +60,10 @@ def solved(
     native, system, memory = library.load(), System(), Memory()
     assert native is not None
     (size, columns), pairs = border.shape, local.shape[1] // 4
-    folder = ctypes.byref(system)
+    address = ctypes.byref(system)
     try:
         assert native.ssm_system_new(
-            folder, ctypes.byref(memory), *map(L, (size, columns, pairs, stride))
+            address, ctypes.byref(memory), *map(L, (size, columns, pairs, stride))
         )
         band = np.ctypeslib.as_array(system.band, (size, 4 * pairs))
         wide = stride * pairs
@@ -72,10 +72,10 @@ def solved(
                 band[k * wide + j, i - j // wide * wide] += block[i, j]
         np.ctypeslib.as_array(system.border, (columns, system.padded))[:, :size] = border.T
         np.ctypeslib.as_array(system.corner, (columns, columns))[:] = corner
-        if not native.ssm_factorise(folder, pointer(free.astype(np.uint8)), L(blocks)):
+        if not native.ssm_factorise(address, pointer(free.astype(np.uint8)), L(blocks)):
             return None
         inner, rest = right[:size].copy(), right[size:].copy()
-        native.ssm_solve_factors(folder, pointer(inner), pointer(rest))
+        native.ssm_solve_factors(address, pointer(inner), pointer(rest))
         return np.concatenate([inner, rest]), system.last
     finally:
         native.ssm_release(ctypes.byref(memory))
@@ -86,8 +86,8 @@ def whole_matrix(local: Array, border: Array, corner: Array, free: Array, stride
     size, pairs = len(border), local.shape[1] // 4
     complete = np.zeros((size + len(corner),) * 2)
     for k, block in enumerate(local):
-        time = slice(k * stride * pairs, k * stride * pairs + len(block))
-        complete[time, time] += block
+        span = slice(k * stride * pairs, k * stride * pairs + len(block))
+        complete[span, span] += block
     held = np.flatnonzero(~free)
     complete[held] = complete[:, held] = 0.0
     complete[held, held] = 1.0
@@ -116,8 +116,8 @@ def test_against_dense_linear_algebra(
     corner[blocks:, :blocks] = random.normal(size=(equalities, blocks))
     corner[:blocks, blocks:] = corner[blocks:, :blocks].T
     for k, block in enumerate(local):  # Variables that are not free have no entries.
-        time = free[k * stride * pairs :][: 4 * pairs]
-        block *= np.outer(time, time)
+        mask = free[k * stride * pairs :][: 4 * pairs]
+        block *= np.outer(mask, mask)
     right = random.normal(size=size + columns)
     result = solved(local, border, corner, right, free, stride, blocks)
     assert result is not None

@@ -75,8 +75,8 @@ def test_elements_are_scipys(kind: Kind) -> None:
     inside = 1e-9 * H
     assert states[:, 0] == pytest.approx(reference(ENDS[:-1]), abs=1e-12)
     assert states[:, 1] == pytest.approx(reference.derivative()(ENDS[:-1]), abs=1e-9)
-    for row, time in ((2, ENDS[:-1] + inside), (3, ENDS[1:] - inside)):
-        assert states[:, row] == pytest.approx(reference.derivative(2)(time), abs=1e-4)
+    for row, instants in ((2, ENDS[:-1] + inside), (3, ENDS[1:] - inside)):
+        assert states[:, row] == pytest.approx(reference.derivative(2)(instants), abs=1e-4)
     # The fifth state is the middle Bernstein coefficient of the velocity, which is a parabola.
     velocity = reference.derivative()
     middle = (

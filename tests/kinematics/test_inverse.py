@@ -243,8 +243,8 @@ def test_a_tip_at_the_rcm_keeps_the_pointing(vitreoretinal):
     assert home.reaches.tolist() == [[True, True, False, False]]
     assert np.abs(home.joints[0, 1] - [0.0, 0.0, 0.1, 0.0]).max() < 1e-12
     reference = np.array([0.3, -0.2, 0.1, -0.01])
-    remaining = inverse_tip(vitreoretinal, np.zeros((1, 3)), 0.1, reference=reference)
-    assert np.abs(remaining.joints[0, 0, :2] - reference[:2]).max() < 1e-12
+    solutions = inverse_tip(vitreoretinal, np.zeros((1, 3)), 0.1, reference=reference)
+    assert np.abs(solutions.joints[0, 0, :2] - reference[:2]).max() < 1e-12
 
 
 def test_parallel_axes_have_no_inverse():

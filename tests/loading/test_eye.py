@@ -170,8 +170,8 @@ def test_where_two_semi_axes_are_equal_any_frame_about_the_third_will_do(files: 
 )
 def test_bad_eyes(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
     files.edit(NAME, END, EYE + END)
-    time = "lens:\n" if "missing" in parts else "first_axis" if "first_axis: [1" in new else None
-    message = files.rejection(NAME, old, new, time)
+    place = "lens:\n" if "missing" in parts else "first_axis" if "first_axis: [1" in new else None
+    message = files.rejection(NAME, old, new, place)
     for part in parts:
         assert part in message
 

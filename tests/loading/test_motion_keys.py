@@ -331,14 +331,14 @@ SCAN_MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
 
 @pytest.mark.parametrize(("old", "new", "parts"), SCAN_MISTAKES)
 def test_a_mistake_in_a_scan(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
-    time = (
+    place = (
         "- scan:"
         if "missing" in parts and old == DIAMETER
         else "diameter: 2 mm"
         if "scan.diameter" in parts and old == RING
         else None
     )
-    message = files.rejection(SCAN, old, new, time)
+    message = files.rejection(SCAN, old, new, place)
     for part in parts:
         assert part in message
 
@@ -354,8 +354,8 @@ def test_a_mistake_in_a_scan(files: Any, old: str, new: str, parts: tuple[str, .
 )
 def test_a_mistake_in_a_raster(files: Any, keys: str, parts: tuple[str, ...]) -> None:
     files.edit(SCAN, RING, "      pattern: raster")
-    time = "- scan:" if "missing" in parts else "rows:"
-    message = files.rejection(SCAN, DIAMETER, f"      {keys}", at=time)
+    place = "- scan:" if "missing" in parts else "rows:"
+    message = files.rejection(SCAN, DIAMETER, f"      {keys}", at=place)
     for part in parts:
         assert part in message
 

@@ -107,9 +107,9 @@ def test_placeholders_are_named_and_explained(files: Any) -> None:
     assert motor.placeholder
     assert "no datasheet" in motor.sources["max_speed"]
     motor = files.load("motors/maxon_ecx_torque_22_xl.yaml")
-    inputs = {name for name in motor.sources if getattr(motor, name) is not None}
-    assert set(motor.placeholders) == inputs
-    assert all("22 M" in motor.sources[name] for name in inputs - {"encoder_counts"})
+    stated = {name for name in motor.sources if getattr(motor, name) is not None}
+    assert set(motor.placeholders) == stated
+    assert all("22 M" in motor.sources[name] for name in stated - {"encoder_counts"})
     assert "rigs" in motor.sources["encoder_counts"]
 
 

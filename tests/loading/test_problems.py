@@ -225,8 +225,8 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
     ],
 )
 def test_bad_problems(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
-    time = "name: ''" if "name: ''" in new else None
-    message = files.rejection(NAME, old, new, time)
+    place = "name: ''" if "name: ''" in new else None
+    message = files.rejection(NAME, old, new, place)
     for part in parts:
         assert part in message
     assert "Traceback" not in message

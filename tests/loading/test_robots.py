@@ -262,8 +262,8 @@ class TestShippedGeometry:
     ],
 )
 def test_bad_robots(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
-    time = "geometry:" if new.startswith("beta: 110 deg") else None
-    message = files.rejection(ROBOT, old, new, time)
+    place = "geometry:" if new.startswith("beta: 110 deg") else None
+    message = files.rejection(ROBOT, old, new, place)
     for part in parts:
         assert part in message
 

@@ -245,8 +245,8 @@ def swap(path: Path, mutant: Mutant) -> int:
     changed = list(_replacements(site[3]))[replacement]
     # A function only accepts code with the same free variables. The original body is therefore
     # appended as unreachable code.
-    complete = [item for item in function.body if not isinstance(item, ast.Global | ast.Nonlocal)]
-    unreachable = ast.If(ast.Constant(False), copy.deepcopy(complete), [])
+    original = [item for item in function.body if not isinstance(item, ast.Global | ast.Nonlocal)]
+    unreachable = ast.If(ast.Constant(False), copy.deepcopy(original), [])
     _put(site, ast.copy_location(changed, site[3]))
     function.body.append(ast.copy_location(unreachable, function.body[-1]))
     compiled = compile(ast.fix_missing_locations(tree), str(path), "exec", dont_inherit=True)

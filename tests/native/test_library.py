@@ -106,12 +106,12 @@ def test_a_wheel_is_of_the_system_that_is_named(
     """A build for another processor than x86-64 has no variant for AVX2."""
     monkeypatch.setenv("_PYTHON_HOST_PLATFORM", "manylinux_2_28_aarch64")
     shutil.copy(library.FOLDER / "library.py", checkout / "ssm_planner/native")
-    request: list[str] = []
+    requested: list[str] = []
     functions = runpy.run_path(str(checkout / ".native_build.py"))
     scope = functions["build"].__globals__
-    scope |= {"_is_made": lambda name: request.append(name) is None, "_compiler": lambda: ["cc"]}
+    scope |= {"_is_made": lambda name: requested.append(name) is None, "_compiler": lambda: ["cc"]}
     functions["build"]()
-    assert request == ["portable"]
+    assert requested == ["portable"]
 
 
 @needs_compiler

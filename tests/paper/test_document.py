@@ -31,10 +31,10 @@ needs_recordings = pytest.mark.skipif(not REAL, reason="the recordings are not b
 
 @pytest.mark.slow
 def test_every_picture_is_there_as_png_and_pdf(made: Made) -> None:
-    text = re.findall(r"\[!\[[^\]]+\]\((\w+)\.png\)\]\((\w+)\.pdf\)", made.text)
-    assert len(text) >= 8
-    assert all(png == pdf for png, pdf in text)
-    names = {png for png, _ in text}
+    pictures = re.findall(r"\[!\[[^\]]+\]\((\w+)\.png\)\]\((\w+)\.pdf\)", made.text)
+    assert len(pictures) >= 8
+    assert all(png == pdf for png, pdf in pictures)
+    names = {png for png, _ in pictures}
     assert {path.name for path in made.folder.iterdir()} == {"README.md"} | {
         f"{name}.{ending}" for name in names for ending in ("png", "pdf")
     }

@@ -114,11 +114,11 @@ def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> N
         known = [item[name] for name in ("bound", "estimate", "duration") if item[name] is not None]
         assert max(known) >= result.duration * (1 - GAP)
     assert "free: goes from branch -1 of the inverse kinematics to branch +1" in result.notes
-    folder = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
+    back = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
     first, _ = ends(result)
     straight = plan(
         replace(
-            folder,
+            back,
             motion=(Free(Joints((np.radians(first[0] - 60), *np.radians(first[1:3]), -5e-3))),),
         )
     )
@@ -296,10 +296,10 @@ def test_a_search_that_is_stopped_gives_the_best_so_far(
     problem = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
     complete = plan(problem)
     before = signal.getsignal(signal.SIGINT)
-    messages: list[Step] = []
+    steps: list[Step] = []
 
     def tell(step: Step) -> None:
-        messages.append(step)
+        steps.append(step)
         press(step)
 
     press = interrupting(1)
@@ -310,7 +310,7 @@ def test_a_search_that_is_stopped_gives_the_best_so_far(
     assert complete.duration is not None
     assert stopped.duration is not None
     assert stopped.duration > 1.1 * complete.duration
-    assert any("Ctrl-C takes it" in str(step) for step in messages)
+    assert any("Ctrl-C takes it" in str(step) for step in steps)
     assert "the search was stopped" in " ".join(stopped.notes)
     assert load_plan(files["plan"]).stopped
     assert "stopped" not in complete.summary()

@@ -74,12 +74,12 @@ def test_an_exceeded_limit_is_moved_so_that_what_was_found_is_allowed(limit: Lim
 
 def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
     clearance = next(limit for limit in PROBLEM.all_limits if isinstance(limit, RetinaClearance))
-    remaining = 0.9 * clearance.clearance
+    smallest = 0.9 * clearance.clearance
     result = relaxation_for(
-        PROBLEM, violation_reason(PROBLEM, certificate(clearance, remaining, clearance.clearance))
+        PROBLEM, violation_reason(PROBLEM, certificate(clearance, smallest, clearance.clearance))
     )
     assert result is not None
-    assert (result.needed, result.present) == (remaining, clearance.clearance)
+    assert (result.needed, result.present) == (smallest, clearance.clearance)
 
 
 @pytest.mark.parametrize("limit", MOVABLE, ids=lambda limit: f"{limit.key}")
@@ -87,11 +87,11 @@ def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
 def test_a_value_is_tried_as_it_is_printed(limit: Limit, beyond: float) -> None:
     """A value is rounded to the printed digits so that it never allows less than was asked for."""
     bound = limit.low if limit.is_floor else limit.high
-    request = bound + (-1e-3 if limit.is_floor else 1) * beyond * (abs(bound) or 1.0)
-    value = limit.rounded(request)
+    required = bound + (-1e-3 if limit.is_floor else 1) * beyond * (abs(bound) or 1.0)
+    value = limit.rounded(required)
     assert limit.described(value) == limit.described(limit.rounded(value))
-    assert value <= request * (1 + 1e-12) if limit.is_floor else value >= request * (1 - 1e-12)
-    assert value == pytest.approx(request, rel=1e-4)
+    assert value <= required * (1 + 1e-12) if limit.is_floor else value >= required * (1 - 1e-12)
+    assert value == pytest.approx(required, rel=1e-4)
     printed = limit.described(value).split(" instead")[0]
     number = float(next(word for word in reversed(printed.split()) if word[-1].isdecimal()))
     if not isinstance(limit, (LensClearance, SelfLocking)):
@@ -192,22 +192,22 @@ def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, need
     """The case states the needed fraction of the relaxation that the reason asks for."""
     joint = tilt_insert.robot.joints[0]
     limit = next(item for item in joint.limits if isinstance(item, MotorTorque))
-    target, required = limit.largest, 1.5 * limit.largest
+    present, required = limit.largest, 1.5 * limit.largest
 
     def attempt(problem: Problem) -> float | Reason:
         motor = problem.robot.joints[0].motor
         assert motor is not None
-        share = (motor.max_torque - target) / (required - target)
+        share = (motor.max_torque - present) / (required - present)
         return 1.0 if share >= needed else Reason(None, None, None, None, "no motion")
 
     cure = find_relaxation(
         replace(tilt_insert, objective="time"),
-        Reason(limit, None, required, target, "too weak"),
+        Reason(limit, None, required, present, "too weak"),
         attempt,
     )
     assert cure is not None
     assert cure.works
-    less = cure.relaxation.problem(target + 0.9 * (cure.value - target))
+    less = cure.relaxation.problem(present + 0.9 * (cure.value - present))
     assert isinstance(attempt(less), Reason)
 
 
@@ -223,13 +223,13 @@ def test_what_is_printed_is_planned_in_full(
     """
     joint = tilt_insert.robot.joints[0]
     limit = next(item for item in joint.limits if isinstance(item, MotorTorque))
-    target, required = limit.largest, 1.5 * limit.largest
+    present, required = limit.largest, 1.5 * limit.largest
     planned: list[float] = []
 
     def motion(problem: Problem, least: float) -> float | Reason:
         motor = problem.robot.joints[0].motor
         assert motor is not None
-        planned.append((motor.max_torque - target) / (required - target))
+        planned.append((motor.max_torque - present) / (required - present))
         return 1.0 if planned[-1] >= least else Reason(None, None, None, None, "no motion")
 
     def looked(problem: Problem) -> float | Reason:
@@ -239,13 +239,13 @@ def test_what_is_printed_is_planned_in_full(
 
     cure = find_relaxation(
         tilt_insert,
-        Reason(limit, None, required, target, "too weak"),
+        Reason(limit, None, required, present, "too weak"),
         lambda problem: motion(problem, needed + more),
         feasible=looked,
     )
     assert cure is not None
     assert cure.works
-    share = (cure.value - target) / (required - target)
+    share = (cure.value - present) / (required - present)
     assert needed + more <= share <= (needed + more) / 0.9 * 1.01
     assert (planned == [pytest.approx(share)]) == (more == 0.0)
 
@@ -282,7 +282,7 @@ def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
     joints = problem.robot.joints
     joint = next(item for item in joints if item.name == reason.joint)
     assert joint.motor is not None
-    target, enough = joint.motor.max_torque, 1e-3 * typed_in(reason.relaxation)
+    present, enough = joint.motor.max_torque, 1e-3 * typed_in(reason.relaxation)
 
     def passes(torque: float) -> bool:
         motor = unchecked_copy(joint.motor, max_torque=torque)
@@ -293,7 +293,7 @@ def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
         return plan(unchecked_copy(problem, robot=robot), relaxations=False).passed
 
     assert passes(enough)
-    assert not passes(target + 0.9 * (enough - target))
+    assert not passes(present + 0.9 * (enough - present))
 
 
 @pytest.mark.parametrize("limit", MOVABLE, ids=lambda limit: f"{limit.name} {limit.joint}")

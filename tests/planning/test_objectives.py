@@ -120,13 +120,13 @@ def test_a_given_duration_is_taken_with_less_effort_than_the_fastest_motion_stre
     tilt_insert: Problem, kind: str
 ) -> None:
     fastest = plan(moving(tilt_insert, MOTIONS[kind], objective="time"))
-    request = 1.4 * fastest.duration
-    result = plan(moving(tilt_insert, MOTIONS[kind], objective="effort", duration=request))
+    duration = 1.4 * fastest.duration
+    result = plan(moving(tilt_insert, MOTIONS[kind], objective="effort", duration=duration))
     assert result.passed
-    assert result.duration == pytest.approx(request, rel=1e-9)
+    assert result.duration == pytest.approx(duration, rel=1e-9)
     robot = tilt_insert.robot
     same = stretched(fastest.trajectory, 1.4)
-    assert same.duration == pytest.approx(request)
+    assert same.duration == pytest.approx(duration)
     assert effort(result.trajectory, robot) < 0.9 * effort(same, robot)
 
 

@@ -351,15 +351,15 @@ def test_the_clock_does_not_bound_what_is_searched(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The work of the search for a relaxation is limited, and its time is not."""
-    request: list[Problem] = []
+    problems: list[Problem] = []
     work = Work()
 
     def never(problem: Problem) -> Reason:
-        request.append(problem)
+        problems.append(problem)
         work.spent += 1.0
         return Reason(None, None, None, None, "no")
 
-    monkeypatch.setattr("time.process_time", lambda: 1e3 * len(request))
+    monkeypatch.setattr("time.process_time", lambda: 1e3 * len(problems))
     assert (
         find_relaxation(
             tilt_insert,
@@ -370,7 +370,7 @@ def test_the_clock_does_not_bound_what_is_searched(
         )
         is None
     )
-    assert 9 <= len(request) <= 10
+    assert 9 <= len(problems) <= 10
 
 
 def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
@@ -378,24 +378,24 @@ def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
 
     It tries nothing if the reason names no limit.
     """
-    request: list[Problem] = []
+    problems: list[Problem] = []
 
     def never(problem: Problem) -> Reason:
-        request.append(problem)
+        problems.append(problem)
         return Reason(None, None, None, None, "no")
 
     nameless = Reason(None, "insert", None, None, "no motion found")
     assert find_relaxation(tilt_insert, nameless, never, budget=0.0) is None
-    assert not request
+    assert not problems
     named = Reason(tilt_insert.robot.joints[0].limit(MotorTorque), "insert", 0.2, 0.1, "too weak")
     result = find_relaxation(tilt_insert, named, never, budget=0.0)
     assert result is not None
     assert not result.works
-    assert len(request) == 1
+    assert len(problems) == 1
     assert find_relaxation(tilt_insert, nameless, never) is None
     # The search changes the torque and the velocity of every joint that has them and both sides of
     # three ranges. It changes each by a tenth and by the full amount.
-    assert len(request) == 1 + 2 * (3 + 4 + 6)
+    assert len(problems) == 1 + 2 * (3 + 4 + 6)
 
 
 @pytest.mark.parametrize(("begin", "end"), [(-177.8, 160.0), (-170.0, 150.0), (120.0, -100.0)])

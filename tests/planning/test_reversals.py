@@ -62,10 +62,10 @@ def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
     assert chord < result.duration
     assert result.lower_bound == pytest.approx(chord, rel=1e-9)
     left = result.phases[0].reversal_multiplier
-    remaining = plan_motion(problem, may_reverse=False).phases[0].motion.reversal_multiplier
+    multiplier = plan_motion(problem, may_reverse=False).phases[0].motion.reversal_multiplier
     assert left is not None
-    assert remaining is not None
-    assert max(left, MULTIPLIER_TOLERANCE) < remaining
+    assert multiplier is not None
+    assert max(left, MULTIPLIER_TOLERANCE) < multiplier
     assert without(problem) > arc
     assert result.duration < 0.935 * without(problem)
     q = result.trajectory.uniform(200.0).q
@@ -104,10 +104,10 @@ def test_other_objectives_turn_at_the_same_places(tilt_insert: Problem) -> None:
     cooler = plan(replace(problem, objective="time then heat"))
     assert cooler.passed
     assert fastest <= cooler.duration <= 1.0015 * fastest
-    request = 1.03 * fastest
-    timed = plan(replace(problem, motion=(replace(problem.motion[0], duration=request),)))  # type: ignore[call-arg]
+    duration = 1.03 * fastest
+    timed = plan(replace(problem, motion=(replace(problem.motion[0], duration=duration),)))  # type: ignore[call-arg]
     assert timed.passed
-    assert timed.duration == pytest.approx(request, rel=1e-9)
+    assert timed.duration == pytest.approx(duration, rel=1e-9)
 
 
 def test_weak_motors_are_spared_by_a_joint_that_turns_back(

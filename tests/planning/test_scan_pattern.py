@@ -213,15 +213,15 @@ def test_the_fastest_order_of_few_places_is_the_best_of_all_orders() -> None:
 
 def test_the_fastest_order_visits_every_spot_once_and_takes_less(laser_scan: Problem) -> None:
     scan = dataclasses.replace(THREE, dwell=0.02)
-    inputs, fastest = (
+    given_order, fastest = (
         scanning(laser_scan, dataclasses.replace(scan, order=order))
         for order in ("given", "fastest")
     )
-    own, other = (np.concatenate(spots(result)) for result in (inputs, fastest))
+    own, other = (np.concatenate(spots(result)) for result in (given_order, fastest))
     assert len(own) == len(other)
     assert np.lexsort(own.T).tolist() != np.lexsort(other.T).tolist()
     assert np.linalg.norm(own[:, None] - other, axis=2).min(axis=1) == pytest.approx(0.0, abs=1e-9)
-    assert fastest.duration < 0.97 * inputs.duration  # type: ignore[operator]
+    assert fastest.duration < 0.97 * given_order.duration  # type: ignore[operator]
     again = Plan.from_json(fastest.to_json().encode(), Path("plan.json"))
     assert again.problem.motion[0].order == "fastest"  # type: ignore[union-attr]
     # Without a dwell, one motion passes all spots and does not return to the first one.

@@ -35,10 +35,10 @@ def test_the_planners_torque_at_a_start_is_the_breakaway_torque(
     tilt_insert: Problem, sigma: float
 ) -> None:
     drive = stribeck(tilt_insert.robot.joints[0].drive)
-    time = SimpleNamespace(
+    state = SimpleNamespace(
         sigma=[ca.SX(sigma)], qd=[ca.SX(0)], qdd=[ca.SX(0)], tau_rigid=[ca.SX(0.3)]
     )
-    result = max(float(value) for value in directed_torques(drive, time, 0, breakaway=True))
+    result = max(float(value) for value in directed_torques(drive, state, 0, breakaway=True))
     assert result == pytest.approx(sigma * breakaway_torque(drive, 0.3, sigma, mu=0.4), rel=1e-12)
 
 

@@ -47,11 +47,11 @@ def test_a_move_to_where_the_robot_is_takes_no_time_and_is_said(
 ) -> None:
     """A motion to the present position takes no time, and a note states that it is skipped."""
     alone, still = inserting(tilt_insert, kind, 1e-3), inserting(tilt_insert, kind, 0.0)
-    target = dataclasses.replace(inserting(tilt_insert, kind, 1e-3).motion[0], name="again")
+    again = dataclasses.replace(inserting(tilt_insert, kind, 1e-3).motion[0], name="again")
     motion = (
         (dataclasses.replace(still.motion[0], name="again"), *alone.motion)
         if first
-        else (*alone.motion, target)
+        else (*alone.motion, again)
     )
     result, expected = plan(dataclasses.replace(alone, motion=motion)), plan(alone)
     assert result.passed

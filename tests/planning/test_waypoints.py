@@ -138,7 +138,7 @@ def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
     A grid over the speeds of both joints at the point gives the minimum.
     """
     first, second = np.meshgrid(*(np.linspace(-v, v, 801) for v in velocity), indexing="ij")
-    target = (
+    arrival = (
         minimum_times(way, v, a, (np.zeros(()), speed))
         for way, v, a, speed in zip(ways[0], velocity, acceleration, (first, second), strict=True)
     )
@@ -146,7 +146,7 @@ def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
         minimum_times(way, v, a, (speed, np.zeros(())))
         for way, v, a, speed in zip(ways[1], velocity, acceleration, (first, second), strict=True)
     )
-    return float((np.maximum(*target) + np.maximum(*onward)).min())
+    return float((np.maximum(*arrival) + np.maximum(*onward)).min())
 
 
 def test_points_are_passed_in_their_order_in_any_form(tilt_insert: Problem) -> None:

@@ -264,14 +264,14 @@ def test_what_cannot_be_a_limit_is_refused(make, told) -> None:
 def test_a_problem_refuses_limits_of_joints_among_its_own_and_one_given_twice(
     tilt_insert: Problem,
 ) -> None:
-    for wrong, messages in (
+    for wrong, message in (
         ((MotorTorque("roll", 1.0),), "not a limit of the task"),
         ((TipSpeed(1.0), TipSpeed(2.0)), "occurs twice"),
         ((TaskRange("roll", -1, 1), TaskRange("roll", -2, 2)), "roll range"),
     ):
-        with pytest.raises(ProblemError, match=messages):
+        with pytest.raises(ProblemError, match=message):
             dataclasses.replace(tilt_insert, limits=wrong)
-        with pytest.raises(ProblemError, match=messages):
+        with pytest.raises(ProblemError, match=message):
             dataclasses.replace(tilt_insert.robot, limits=wrong)
     with pytest.raises(ProblemError, match="unknown joint"):
         JointVelocity("elbow", 1.0).on(tilt_insert)

@@ -87,8 +87,10 @@ def test_winding_and_supply_come_from_the_controller_and_then_from_the_motor(rob
     assert (plain.resistance, plain.voltage) == (0.0, pytest.approx(21.6))
     assert plain.max_current == pytest.approx(motor.max_torque / 0.02)
     axis = AxisController(max_current=0.7)
-    inputs = Controller(supply=10.0, output_share=0.5, joints={joint.name: axis}, current_lag=2e-4)
-    result = motor_electrics(joint, inputs)
+    controller = Controller(
+        supply=10.0, output_share=0.5, joints={joint.name: axis}, current_lag=2e-4
+    )
+    result = motor_electrics(joint, controller)
     assert (result.voltage, result.max_current, result.lag) == (5.0, 0.7, 2e-4)
     dead = replace(joint, motor=replace(motor, nominal_voltage=None))
     assert motor_electrics(dead, Controller()).voltage == np.inf
@@ -215,8 +217,8 @@ def test_default_gains_come_from_the_plant_and_the_shipped_file_states_them(robo
         without = loop_gains(joint, Controller(torque_offset=False), electrics)
         assert without.ff_acceleration * k == pytest.approx(inertia)
         assert without.ff_velocity * k == pytest.approx(joint.drive.friction.b_v)
-        inputs = Controller(joints={joint.name: AxisController(p=1.0)})
-        assert loop_gains(joint, inputs, electrics).p == 1.0
+        controller = Controller(joints={joint.name: AxisController(p=1.0)})
+        assert loop_gains(joint, controller, electrics).p == 1.0
 
 
 def test_the_default_bandwidth_leaves_its_phase_margin(robot):

@@ -70,8 +70,8 @@ def test_an_arm_that_begins_in_motion_is_in_equilibrium(
     """The first periods keep the currents, the following errors and the accelerations."""
     result = arms[offsets]
     needed = np.nan_to_num(motor_torque(robot, QA, QD_A, QDD_A))
-    messages = commands(result, QD_A, QDD_A, 8, needed if offsets else None)
-    state = result.initial_state(QA, QD_A, QDD_A, messages)
+    period_commands = commands(result, QD_A, QDD_A, 8, needed if offsets else None)
+    state = result.initial_state(QA, QD_A, QDD_A, period_commands)
     constants = np.array([result.electrics[k].torque_constant for k in result.driven])
     driven = list(result.driven)
     assert state[CURRENT][driven] * constants == pytest.approx(needed[driven])
@@ -79,7 +79,9 @@ def test_an_arm_that_begins_in_motion_is_in_equilibrium(
     assert np.array_equal(state[QD], QD_A)
     assert not state[REST][driven].any()
     assert not state[TRIP].any()
-    played = result.play(state, messages, result.encoder_offsets(QA), result.friction_parameters())
+    played = result.play(
+        state, period_commands, result.encoder_offsets(QA), result.friction_parameters()
+    )
     states = played.states[:, :]
     for k in driven:
         drift = np.ptp(states[:, CURRENT][:, k]) / abs(state[CURRENT][k])
@@ -129,9 +131,9 @@ def test_periods_after_a_breakaway_run_in_half_steps(arms: dict[bool, Controlled
         3 * _PERIODS_PER_CHUNK - 1,
         3 * _PERIODS_PER_CHUNK - _MAX_BREAKAWAY_PERIODS,
     ):
-        messages = commands(result, np.zeros(4), np.zeros(4), periods)
-        messages.speed[first : first + 2 * _PERIODS_PER_CHUNK, 1] = 5.0
-        halved = result.half_step_periods(messages)
+        period_commands = commands(result, np.zeros(4), np.zeros(4), periods)
+        period_commands.speed[first : first + 2 * _PERIODS_PER_CHUNK, 1] = 5.0
+        halved = result.half_step_periods(period_commands)
         assert halved.shape == (periods,)
         chunks = np.arange(periods) // _PERIODS_PER_CHUNK
         expected = {
@@ -151,16 +153,16 @@ def test_the_integrals_make_up_for_what_the_first_commands_lack(
 ) -> None:
     """Only the first commands determine the integrals, and later commands do not."""
     result, rng = arms[True], np.random.default_rng(3)
-    messages = commands(result, QD_A, QDD_A, 3, np.zeros(4))
-    for column in (messages.speed, messages.acceleration, messages.torque):
+    period_commands = commands(result, QD_A, QDD_A, 3, np.zeros(4))
+    for column in (period_commands.speed, period_commands.acceleration, period_commands.torque):
         column[:] = rng.normal(size=(3, 4)) * [[1.0], [5.0], [9.0]]
-    state = result.initial_state(QA, QD_A, QDD_A, messages)
+    state = result.initial_state(QA, QD_A, QDD_A, period_commands)
     for k in result.driven:
         electrics = result.electrics[k]
         gains = loop_gains(result.robot.joints[k], result.controller, electrics)
-        forward = gains.ff_velocity * messages.speed[0, k]
-        forward += gains.ff_acceleration * messages.acceleration[0, k]
-        forward += messages.torque[0, k] / electrics.torque_constant
+        forward = gains.ff_velocity * period_commands.speed[0, k]
+        forward += gains.ff_acceleration * period_commands.acceleration[0, k]
+        forward += period_commands.torque[0, k] / electrics.torque_constant
         assert state[CURRENT][k] == pytest.approx(state[INTEGRAL][k] + forward)
 
 
@@ -180,7 +182,7 @@ def test_offsets_hold_for_a_period_and_positions_are_interpolated(
     t = period / steps * np.arange(5 * steps + 3)
     accelerations = np.random.default_rng(1).normal(size=(len(t), 4))
     for with_offset in (True, False):
-        messages = module.commands_from_setpoints(
+        period_commands = module.commands_from_setpoints(
             {"tilt": stream}, {"tilt": axis}, Controller(torque_offset=with_offset),
             (t, accelerations), period,
         )  # fmt: skip
@@ -189,27 +191,27 @@ def test_offsets_hold_for_a_period_and_positions_are_interpolated(
         inside = np.floor(share)
         position = inside**2 + (share - inside) * ((inside + 1) ** 2 - inside**2)
         turns = np.where(share >= 5, 25.0, position)
-        assert messages.demand[:, 1] == pytest.approx(-2 * np.pi * turns)
-        assert messages.speed[:, 1] == pytest.approx(-2 * np.pi * after)
+        assert period_commands.demand[:, 1] == pytest.approx(-2 * np.pi * turns)
+        assert period_commands.speed[:, 1] == pytest.approx(-2 * np.pi * after)
         rate = np.where(after - 1 < 5, -2 * np.pi / period, 0.0)
-        assert messages.acceleration[:, 1] == pytest.approx(rate)
+        assert period_commands.acceleration[:, 1] == pytest.approx(rate)
         torque = -0.1 * after * axis.rated_torque
-        assert messages.torque[:, 1] == pytest.approx(torque if with_offset else 0.0)
-        assert np.array_equal(messages.prescribed, accelerations)
-        assert messages.power.all()
+        assert period_commands.torque[:, 1] == pytest.approx(torque if with_offset else 0.0)
+        assert np.array_equal(period_commands.prescribed, accelerations)
+        assert period_commands.power.all()
         others = [0, 2, 3]
         for column in (
-            messages.demand,
-            messages.speed,
-            messages.acceleration,
-            messages.torque,
-            messages.stalled,
+            period_commands.demand,
+            period_commands.speed,
+            period_commands.acceleration,
+            period_commands.torque,
+            period_commands.stalled,
         ):
             assert not column[:, others].any()
-        table = messages.table()
+        table = period_commands.table()
         assert table.shape == (len(t), 25)
-        assert np.array_equal(table[:, 1], messages.demand[:, 1])
-        assert np.array_equal(table[:, 24], messages.power)
+        assert np.array_equal(table[:, 1], period_commands.demand[:, 1])
+        assert np.array_equal(table[:, 24], period_commands.power)
 
 
 def test_compliance_comes_from_the_controller_or_is_assumed(robot: Robot) -> None:

@@ -224,30 +224,34 @@ def test_set_points_reach_the_drives_between_their_periods(robot: Robot) -> None
         "velocity_offset_mrpm": np.array([0.0, 600.0, 3000.0]),
         "torque_offset_permille": np.array([5.0, 7.0, 11.0]),
     }
-    t, inputs = np.array([0.0, 0.4, 1.0, 1.6, 2.0, 2.4]) * 1e-3, np.arange(24.0).reshape(6, 4)
-    messages = commands_from_setpoints({"tilt": stream}, axes, Controller(), (t, inputs), 1e-3)
+    t, prescribed = np.array([0.0, 0.4, 1.0, 1.6, 2.0, 2.4]) * 1e-3, np.arange(24.0).reshape(6, 4)
+    period_commands = commands_from_setpoints(
+        {"tilt": stream}, axes, Controller(), (t, prescribed), 1e-3
+    )
     increment = axis.direction * 2 * np.pi / axis.counts_per_turn
-    assert messages.demand[:, 1] == pytest.approx(increment * np.array([0, 4, 10, 22, 30, 30.0]))
+    assert period_commands.demand[:, 1] == pytest.approx(
+        increment * np.array([0, 4, 10, 22, 30, 30.0])
+    )
     speed = axis.direction * np.array([0.6, 0.6, 3.0, 3.0, 3.0, 3.0]) * rpm
-    assert messages.speed[:, 1] == pytest.approx(speed)
+    assert period_commands.speed[:, 1] == pytest.approx(speed)
     bend = axis.direction * np.array([0.6, 0.6, 2.4, 2.4, 2.4, 2.4]) * rpm / 1e-3
-    assert messages.acceleration[:5, 1] == pytest.approx(bend[:5])
+    assert period_commands.acceleration[:5, 1] == pytest.approx(bend[:5])
     torque = axis.direction * np.array([7, 7, 11, 11, 11, 11]) * axis.rated_torque / 1000
-    assert messages.torque[:, 1] == pytest.approx(torque)
-    assert not messages.demand[:, [0, 2, 3]].any()
-    assert np.array_equal(messages.prescribed, inputs)
-    assert messages.power.all()
-    assert not messages.stalled.any()
+    assert period_commands.torque[:, 1] == pytest.approx(torque)
+    assert not period_commands.demand[:, [0, 2, 3]].any()
+    assert np.array_equal(period_commands.prescribed, prescribed)
+    assert period_commands.power.all()
+    assert not period_commands.stalled.any()
     without = Controller(torque_offset=False)
     assert not commands_from_setpoints(
-        {"tilt": stream}, axes, without, (t, inputs), 1e-3
+        {"tilt": stream}, axes, without, (t, prescribed), 1e-3
     ).torque.any()
-    table = messages.table()
+    table = period_commands.table()
     assert table.shape == (6, 25)
-    assert np.array_equal(table[:, 16:20], inputs)
+    assert np.array_equal(table[:, 16:20], prescribed)
     assert table[:, 24].all()
-    assert np.array_equal(select_periods(messages, slice(2, 4)).table(), table[2:4])
-    assert isinstance(select_periods(messages, np.array([0])), Commands)
+    assert np.array_equal(select_periods(period_commands, slice(2, 4)).table(), table[2:4])
+    assert isinstance(select_periods(period_commands, np.array([0])), Commands)
 
 
 def test_springs_follow_frequency_and_scale(robot: Robot) -> None:
@@ -261,9 +265,9 @@ def test_springs_follow_frequency_and_scale(robot: Robot) -> None:
     assert other.stiffness / base.stiffness == pytest.approx([1.0, 4.0, 1.0, 1.0])
     assert other.damping / base.damping == pytest.approx([1.0, 4.0, 1.0, 1.0])
     assert other.backlash.tolist() == [base.backlash[0], 0.0, *base.backlash[2:]]
-    remaining = robot_compliance(robot, Controller(compliance={"tilt": JointCompliance()}))
-    assert remaining.stiffness == pytest.approx(base.stiffness)
-    assert remaining.backlash == pytest.approx(base.backlash)
+    unchanged = robot_compliance(robot, Controller(compliance={"tilt": JointCompliance()}))
+    assert unchanged.stiffness == pytest.approx(base.stiffness)
+    assert unchanged.backlash == pytest.approx(base.backlash)
 
 
 def test_recordings_are_averages_in_the_controller_s_units(robot: Robot, tmp_path: Any) -> None:

@@ -300,9 +300,9 @@ def test_a_slower_playback_goes_the_same_way(plan):
     slow = plan.motion.slower(0.1)
     assert slow.duration == pytest.approx(10 * plan.motion.duration)
     t = np.linspace(0, plan.motion.duration, 50)
-    target, folder = plan.motion.sample(t), slow.sample(10 * t)
-    np.testing.assert_allclose(folder.q, target.q, atol=1e-12)
-    np.testing.assert_allclose(folder.qd, target.qd / 10, atol=1e-9)
+    planned, played = plan.motion.sample(t), slow.sample(10 * t)
+    np.testing.assert_allclose(played.q, planned.q, atol=1e-12)
+    np.testing.assert_allclose(played.qd, planned.qd / 10, atol=1e-9)
 
 
 def test_a_lost_set_point_is_felt(plan, nominal):

@@ -169,15 +169,15 @@ def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) ->
     n, change = len(result.time), round(pick / result.period)
     assert np.array_equal(result.friction, np.full(28, 2.0))
     assert np.array_equal(result.offsets, np.arange(4.0))
-    assert [len(messages.power) for messages in empty.commands] == ([change] if change else [])
-    assert [len(messages.power) for messages in loaded.commands] == [n - change]
+    assert [len(part.power) for part in empty.commands] == ([change] if change else [])
+    assert [len(part.power) for part in loaded.commands] == [n - change]
     assert played.states.shape == (n + 1, CONTROLLED_STATE_SIZE)
     assert played.error.shape == played.saturated.shape == (n, 4)
     start = loaded.begun[0]
     assert start[Q] == pytest.approx(result.planned[0] + change)
     assert np.array_equal(played.states[change], start)
-    messages = np.vstack([arm.demand for arm in (*empty.commands, *loaded.commands)])
-    assert np.array_equal(messages, result.commands.demand)
+    demand = np.vstack([arm.demand for arm in (*empty.commands, *loaded.commands)])
+    assert np.array_equal(demand, result.commands.demand)
     # If the power is lost before the payload is picked up, the empty arm stops.
     off = Commands(**{key: column[:1000] for key, column in vars(result.commands).items()})
     for instant, arm in ((0.05, loaded if pick == 0.0 else empty), (0.2, loaded)):
@@ -223,10 +223,10 @@ def test_after_a_loss_of_power_travel_and_time_are_those_of_the_motion(
     ways[1, 3] -= 2e-3 * min(MAX_STOPPING_TIME / seconds, 1.0)
     tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ways)
     assert losses.travel[0] == pytest.approx(np.linalg.norm(tips[1] - tips[0]), rel=1e-2)
-    messages = arm.commands[-1]
-    assert not messages.power.any()
+    last_commands = arm.commands[-1]
+    assert not last_commands.power.any()
     assert np.array_equal(
-        messages.demand, np.tile(result.commands.demand[0], (len(messages.power), 1))
+        last_commands.demand, np.tile(result.commands.demand[0], (len(last_commands.power), 1))
     )
 
 
@@ -350,8 +350,8 @@ def test_a_result_states_what_was_played_while_there_was_power(plan: Plan) -> No
 
 
 def test_windows_and_notes_follow_from_controller_and_motors(plan: Plan) -> None:
-    inputs = Controller(joints={"roll": AxisController(following_error=0.01)})
-    result = _Simulation(plan, Scenario(), inputs)
+    with_error = Controller(joints={"roll": AxisController(following_error=0.01)})
+    result = _Simulation(plan, Scenario(), with_error)
     axis = result.axes["roll"]
     assert result.windows["roll"] == round(0.01 * abs(axis.increments_per_unit))
     tiny = Controller(joints={"roll": AxisController(following_error=1e-12)})
@@ -406,11 +406,11 @@ def test_an_arm_gets_its_windows_in_radians_and_its_payload(
 def test_draws_play_the_same_commands_under_scaled_frictions(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    request: list[Any] = []
+    calls: list[Any] = []
     monkeypatch.setattr(
         module,
         "draw_frictions",
-        lambda *given: (request.append(given), (np.ones((3, 28)), ("n",)))[1],
+        lambda *given: (calls.append(given), (np.ones((3, 28)), ("n",)))[1],
     )
     monkeypatch.setattr(module, "play_draws", lambda *given, **named: (given, named))
     result = stage(plan, draws=3, spread=0.2, friction=1.5, payload=0.05, tip_error=2e-4)
@@ -418,9 +418,9 @@ def test_draws_play_the_same_commands_under_scaled_frictions(
     result.arms = {0.0: arm, 0.05: arm}  # type: ignore[dict-item]
     result.play()
     played: Any = result.draws(print)
-    (used, state, messages), named = played
-    assert (used, messages, named["progress"]) == (arm, result.commands, print)
-    assert request == [(plan.robot, 3, 0.2)]
+    (used, state, played_commands), named = played
+    assert (used, played_commands, named["progress"]) == (arm, result.commands, print)
+    assert calls == [(plan.robot, 3, 0.2)]
     assert np.array_equal(state, arm.initial_state(result.planned[0]))
     assert np.array_equal(named["friction"], np.full((3, 28), 1.5))
     assert np.array_equal(named["offsets"], np.arange(4.0))

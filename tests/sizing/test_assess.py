@@ -101,17 +101,17 @@ def holds(load: JointLoad, motor: Motor, torque: Array) -> Array:
     span = load.t[-1] - load.t[0]
     speed = np.abs(load.qd * load.drive.ratio)
     rms = np.sqrt(np.trapezoid(torque**2, load.t, axis=1) / span)
-    remaining = (np.abs(torque).max(axis=1) <= motor.max_torque) & (rms <= motor.nominal_torque)
-    remaining &= speed.max() <= motor.max_speed
+    is_kept = (np.abs(torque).max(axis=1) <= motor.max_torque) & (rms <= motor.nominal_torque)
+    is_kept &= speed.max() <= motor.max_speed
     for temperature in (25.0, motor.max_winding_temperature - 273.15):
         k = motor.torque_constant * (1 - 0.0012 * (temperature - 25))
         ohm = motor.terminal_resistance * (1 + 0.00393 * (temperature - 25))
         volts = np.abs(ohm * torque / k + k * load.qd * load.drive.ratio)
-        remaining &= volts.max(axis=1) <= motor.nominal_voltage
-    remaining[remaining] = (
-        hottest(load, motor, torque[remaining]) <= motor.max_winding_temperature - 273.15
+        is_kept &= volts.max(axis=1) <= motor.nominal_voltage
+    is_kept[is_kept] = (
+        hottest(load, motor, torque[is_kept]) <= motor.max_winding_temperature - 273.15
     )
-    return remaining
+    return is_kept
 
 
 def hottest(load: JointLoad, motor: Motor, torque: Array) -> Array:
@@ -176,11 +176,11 @@ def answers(load: JointLoad, motor: Motor) -> dict[float, bool | None]:
             for factor in factors
         ]
     # The cases of all uncertainties are computed together because the small time steps take long.
-    remaining = holds(load, motor, np.array([*itertools.chain(*torque.values())]))
+    is_kept = holds(load, motor, np.array([*itertools.chain(*torque.values())]))
     ends = np.cumsum([len(rows) for rows in torque.values()])[:-1]
     return {
         spread: True if part.all() else False if not part.any() else None
-        for spread, part in zip(SPREADS, np.split(remaining, ends), strict=True)
+        for spread, part in zip(SPREADS, np.split(is_kept, ends), strict=True)
     }
 
 

@@ -47,18 +47,18 @@ def test_torque_is_the_law_over_pinocchio(robot: Robot, seed: int) -> None:
     data = model.createData()
     loads = joint_loads(trajectory, robot, 200.0)
     worst = 0.0
-    time = trajectory.sample(loads[0].t)
+    samples = trajectory.sample(loads[0].t)
     for n in range(0, len(loads[0].t), 3):
         piece_ends = np.any(np.abs(loads[0].t[n] - trajectory.breaks) < 1e-12)
         if piece_ends:
             # The derivatives have two one-sided values at a break of the trajectory.
             continue
-        tau = pin.rnea(model, data, time.q[n], time.qd[n], time.qdd[n])
+        tau = pin.rnea(model, data, samples.q[n], samples.qd[n], samples.qdd[n])
         for i, load in zip(DRIVEN, loads, strict=True):
-            turning = abs(time.qd[n, i]) < 1e-9 * robot.joints[i].velocity
-            way = load.direction[n] if turning else np.sign(time.qd[n, i])
+            turning = abs(samples.qd[n, i]) < 1e-9 * robot.joints[i].velocity
+            way = load.direction[n] if turning else np.sign(samples.qd[n, i])
             expected = plain_law(
-                load.drive, tau[i], time.qd[n, i], time.qdd[n, i], way, load.breakaway[n] > 0
+                load.drive, tau[i], samples.qd[n, i], samples.qdd[n, i], way, load.breakaway[n] > 0
             )
             worst = max(worst, abs(expected - load.torque()[n]))
     assert worst <= 1e-9
@@ -88,12 +88,12 @@ def test_every_turn_is_an_instant_with_static_friction(
         inner = np.flatnonzero(np.diff(np.sign(load.qd[np.abs(load.qd) > 1e-7])) != 0)
         # Static friction acts at the first start and at every reversal.
         assert load.breakaway.sum() == len(inner) + 1
-        time = np.flatnonzero(load.breakaway)
+        starts = np.flatnonzero(load.breakaway)
         limit = robot.joints[("roll", "tilt", "spin", "insertion").index(load.joint)].velocity
-        assert np.abs(load.qd[time]).max() < 1e-9 * limit
+        assert np.abs(load.qd[starts]).max() < 1e-9 * limit
         # Breaking away needs at least the torque that continued motion needs.
-        sign = load.direction[time]
-        assert np.all(load.torque()[time] * sign >= load.torque()[time + 1] * sign)
+        sign = load.direction[starts]
+        assert np.all(load.torque()[starts] * sign >= load.torque()[starts + 1] * sign)
 
 
 def test_figures_are_those_of_a_dense_quadrature(robot: Robot, trajectory: Trajectory) -> None:

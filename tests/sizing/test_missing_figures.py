@@ -175,21 +175,21 @@ def passes(load: JointLoad, motor: Figures, gear: Figures) -> bool:
     extra = (m["no_load_current"] or 0.0) * m["torque_constant"]
     span, moving = load.duration + PAUSE, load.direction != 0
     speed = np.abs(g["geometry.ratio"] * load.qd)
-    remaining = speed.max() <= min(m["max_speed"], g["ratings.input_speed"]) * (1 + 1e-9)
-    remaining &= load.weight[moving].sum() * load.duration / span <= g["ratings.duty"] * (1 + 1e-9)
-    remaining &= g["friction.mu_lowest"] > g["geometry.lead"] / (
+    is_kept = speed.max() <= min(m["max_speed"], g["ratings.input_speed"]) * (1 + 1e-9)
+    is_kept &= load.weight[moving].sum() * load.duration / span <= g["ratings.duty"] * (1 + 1e-9)
+    is_kept &= g["friction.mu_lowest"] > g["geometry.lead"] / (
         math.pi * g["geometry.worm_diameter"]
     )
     hottest = m["max_winding_temperature"]
     for torque, effort in torques(load, gear, inertia, extra):
         rms = math.sqrt(load.weight @ torque**2 * load.duration / span)
-        remaining &= np.abs(torque).max() <= m["max_torque"] * (1 + 1e-9)
-        remaining &= rms <= m["nominal_torque"] * (1 + 1e-9)
+        is_kept &= np.abs(torque).max() <= m["max_torque"] * (1 + 1e-9)
+        is_kept &= rms <= m["nominal_torque"] * (1 + 1e-9)
         for t in (298.15, hottest):
             k = m["torque_constant"] * (1 - 0.0012 * (t - 298.15))
             ohm = m["terminal_resistance"] * (1 + 0.00393 * (t - 298.15))
             volts = ohm * torque / k + k * g["geometry.ratio"] * load.qd
-            remaining &= np.abs(volts).max() <= SUPPLY * (1 + 1e-9)
+            is_kept &= np.abs(volts).max() <= SUPPLY * (1 + 1e-9)
         mean = math.sqrt(load.weight @ torque**2 * load.duration / span)
         r = m["resistance_winding_housing"] + m["resistance_housing_ambient"]
         t = 298.15
@@ -197,12 +197,12 @@ def passes(load: JointLoad, motor: Figures, gear: Figures) -> bool:
             k = m["torque_constant"] * max(1 - 0.0012 * (t - 298.15), 0.05)
             ohm = m["terminal_resistance"] * (1 + 0.00393 * (t - 298.15))
             t = min(298.15 + r * ohm * (mean / k) ** 2, 2000.0)
-        remaining &= t <= hottest + 1e-6  # The mean temperature does not exceed the peak.
-        remaining &= effort.max() <= g["ratings.peak_output"] * (1 + 1e-9)
+        is_kept &= t <= hottest + 1e-6  # The mean temperature does not exceed the peak.
+        is_kept &= effort.max() <= g["ratings.peak_output"] * (1 + 1e-9)
         share = load.weight[moving]
         cube = (share @ effort[moving] ** 3 / share.sum()) ** (1 / 3)
-        remaining &= cube <= g["ratings.continuous_output"] * (1 + 1e-9)
-    return bool(remaining)
+        is_kept &= cube <= g["ratings.continuous_output"] * (1 + 1e-9)
+    return bool(is_kept)
 
 
 @pytest.fixture(scope="module")

@@ -111,19 +111,19 @@ def simulated(model: ThermalModel, cycle: Cycle) -> np.ndarray:
         trace[0] = winding
         for k, h in enumerate(steps):
             rates = []
-            time = (winding, housing)
+            temperatures = (winding, housing)
             for s in (square[k], square[k + 1]):
-                warm = time[0] - 298.15
+                warm = temperatures[0] - 298.15
                 grown = (1 + model.copper * warm) / (1 + model.magnet * warm) ** 2
-                flow = (time[0] - time[1]) / model.r_winding_housing
+                flow = (temperatures[0] - temperatures[1]) / model.r_winding_housing
                 rates.append(
                     (
                         (model.loss * s * grown - flow) / model.c_winding,
-                        (flow - (time[1] - model.ambient) / model.r_housing_ambient)
+                        (flow - (temperatures[1] - model.ambient) / model.r_housing_ambient)
                         / model.c_housing,
                     )
                 )
-                time = (winding + h * rates[0][0], housing + h * rates[0][1])
+                temperatures = (winding + h * rates[0][0], housing + h * rates[0][1])
             winding += h * (rates[0][0] + rates[1][0]) / 2
             housing += h * (rates[0][1] + rates[1][1]) / 2
             trace[k + 1] = winding

@@ -195,8 +195,8 @@ def test_rows_of_another_study_are_not_shown(
     assert not (tmp_path / "candidate_0").exists()
     result = run_study(other, tmp_path)
     assert [row.design for row in result.rows] == list(other.designs())
-    text = compare_candidates(other, tmp_path, 3, 4)
-    assert text["design"]["geometry.alpha"][0] == result.rows[3].design["geometry.alpha"]
+    comparison = compare_candidates(other, tmp_path, 3, 4)
+    assert comparison["design"]["geometry.alpha"][0] == result.rows[3].design["geometry.alpha"]
     with pytest.raises(ProblemError, match="another study or program"):
         compare_candidates(study(), tmp_path, 0, 1)
 

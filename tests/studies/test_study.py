@@ -222,15 +222,15 @@ class Here(Executor):
 @pytest.mark.slow
 def test_a_lost_engine_is_named_and_nothing_is_done_twice(tmp_path):
     of = study()
-    complete = Here()
-    run_study(of, tmp_path / "calm", executor=complete)
+    undisturbed = Here()
+    run_study(of, tmp_path / "calm", executor=undisturbed)
     with pytest.raises(
         StudyError, match=r"the workers are lost .*the same command continues the study"
     ):
         run_study(of, tmp_path / "lost", executor=Here(3))
     rest = Here()
     run_study(of, tmp_path / "lost", executor=rest)
-    assert rest.count == complete.count - 3
+    assert rest.count == undisturbed.count - 3
     assert (tmp_path / "lost" / "table.csv").read_bytes() == (
         tmp_path / "calm" / "table.csv"
     ).read_bytes()
@@ -617,18 +617,18 @@ def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin()
 def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
     from ssm_planner.planning.ocp.transcription import Transcription
 
-    request = [(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})]
+    candidates = [(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})]
     pickled = pickle.dumps(Evaluation(study()))
     # Plan with Ipopt instead of the fast planner, because the programs of Ipopt take the memory.
     monkeypatch.setattr("ssm_planner.studies.evaluation.with_fast_planner", lambda problem: problem)
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_THRESHOLD", math.inf)
-    ((remaining,), *_) = evaluate_batch(pickled, request)
+    ((cached,), *_) = evaluate_batch(pickled, candidates)
     assert Transcription.build.cache_info().currsize > 0
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_THRESHOLD", 0)
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_GROWTH_THRESHOLD", -math.inf)
-    ((forgotten,), *_) = evaluate_batch(pickled, request)
+    ((forgotten,), *_) = evaluate_batch(pickled, candidates)
     assert Transcription.build.cache_info().currsize == 0
-    assert remaining == forgotten
+    assert cached == forgotten
 
 
 @pytest.mark.parametrize("rank", ["mass", "length"])

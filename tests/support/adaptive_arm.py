@@ -64,7 +64,7 @@ def simulate_arm(
     x = np.concatenate([full[:20], np.zeros(4)])
     t, end = float(times[0]), float(times[-1])
     modes, since = dict.fromkeys(arm.driven, 0), dict.fromkeys(arm.driven, -np.inf)
-    remaining: list[Array] = [x]
+    rows: list[Array] = [x]
     events: list[tuple[float, int, str]] = []
     status = "done"
     while t < end:
@@ -84,9 +84,9 @@ def simulate_arm(
             atol=rtol * plant.scale,
         )
         if len(result.t):
-            remaining.extend(result.y.T)
+            rows.extend(result.y.T)
         instants, at_events = result.t_events or [], result.y_events or []
-        fired = [k for k, time in enumerate(instants) if len(time)]
+        fired = [k for k, crossings in enumerate(instants) if len(crossings)]
         if not fired:
             status = "done" if result.success else str(result.message)
             break
@@ -95,7 +95,7 @@ def simulate_arm(
         modes[joint], name = plant.after_event(t, x, joint, modes[joint])
         since[joint] = t if modes[joint] == 0 else -np.inf
         events.append((t, joint, name))
-    states = np.array(remaining)
+    states = np.array(rows)
     tau = np.array([plant.torques(s, row) for s, row in zip(times, states, strict=False)])
     full_states = np.hstack([states[:, :20], np.zeros((len(states), 4)), states[:, 20:]])
     return AdaptiveMotion(

@@ -295,7 +295,7 @@ def _piece(
         atol=rtol * scale,
         max_step=max_step,
     )
-    fired = [k for k, time in enumerate(result.t_events or []) if len(time)]
+    fired = [k for k, crossings in enumerate(result.t_events or []) if len(crossings)]
     return result.t, result.y.T, fired[0] if fired else None
 
 

@@ -230,10 +230,10 @@ def faults(problem: Problem, result: Plan) -> list[str]:
         outcome.append("passed with a limit exceeded")
     if result.trajectory.duration < (result.lower_bound or 0.0) * (1 - 1e-6):
         outcome.append("shorter than its lower bound")
-    request = problem.duration
-    if request is not None and abs(result.trajectory.duration / request - 1) > 1e-6:
+    duration = problem.duration
+    if duration is not None and abs(result.trajectory.duration / duration - 1) > 1e-6:
         outcome.append(
-            f"takes {result.trajectory.duration:.9g} s instead of the {request:.9g} s asked for"
+            f"takes {result.trajectory.duration:.9g} s instead of the {duration:.9g} s asked for"
         )
     return outcome + _faults_of_ends(problem, result)
 

@@ -83,23 +83,23 @@ class Case:
         name, (low, high) = self.limit[0], self.bounds(factor)
         joints = []
         for i, joint in enumerate(self.robot.joints):
-            folder = name if i == self.joint else ""
+            quantity = name if i == self.joint else ""
             motor = joint.motor
             if motor is not None:
                 motor = dataclasses.replace(
                     motor,
-                    max_speed=high if folder == "motor speed" else 1e6,
-                    max_torque=high if folder == "motor torque" else LOOSE,
-                    nominal_torque=high if folder in (OVERALL, "motor torque") else LOOSE,
+                    max_speed=high if quantity == "motor speed" else 1e6,
+                    max_torque=high if quantity == "motor torque" else LOOSE,
+                    nominal_torque=high if quantity in (OVERALL, "motor torque") else LOOSE,
                 )
             joints.append(
                 dataclasses.replace(
                     joint,
                     motor=motor,
-                    position=(low, high) if folder == "position" else (-LOOSE, LOOSE),
-                    velocity=high if folder == "velocity" else LOOSE,
-                    acceleration=high if folder == "acceleration" else 1e6,
-                    jerk=high if folder == "jerk" else 1e9,
+                    position=(low, high) if quantity == "position" else (-LOOSE, LOOSE),
+                    velocity=high if quantity == "velocity" else LOOSE,
+                    acceleration=high if quantity == "acceleration" else 1e6,
+                    jerk=high if quantity == "jerk" else 1e9,
                 )
             )
         return dataclasses.replace(self.robot, joints=tuple(joints))

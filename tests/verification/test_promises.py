@@ -134,17 +134,17 @@ def test_a_constant_speed_is_one_without_gaps_and_never_exceeded(
     t = result.motion.breaks
     # The motion has the same path, but is 10 % faster or slower in its middle.
     for faster in (0.1, -0.1):
-        time = np.linspace(0.0, t[-1], 2001)
-        warped = time - faster * 0.1 * np.exp(-(((time - t[-1] / 2) / 0.1) ** 2)) * np.sin(
-            (time - t[-1] / 2) / 0.1
+        times = np.linspace(0.0, t[-1], 2001)
+        warped = times - faster * 0.1 * np.exp(-(((times - t[-1] / 2) / 0.1) ** 2)) * np.sin(
+            (times - t[-1] / 2) / 0.1
         )
         samples = result.motion.sample(np.clip(warped, 0.0, t[-1]))
-        rate = np.gradient(warped, time)[:, None]
+        rate = np.gradient(warped, times)[:, None]
         state = samples.q, samples.qd * rate, samples.qdd * rate**2
         pieces = quintic_coefficients(
-            np.diff(time), tuple(x[:-1] for x in state), tuple(x[1:] for x in state)
+            np.diff(times), tuple(x[:-1] for x in state), tuple(x[1:] for x in state)
         )  # type: ignore[arg-type]
-        other = Trajectory(time, pieces, (Span("line", 0.0, float(time[-1])),))
+        other = Trajectory(times, pieces, (Span("line", 0.0, float(times[-1])),))
         assert "constant speed" in exceeded(other, result.robot, result.limits)
 
 
@@ -241,11 +241,11 @@ def test_arcs_and_lines_after_tables_and_scans(
     result = planned(
         Follow(points[-1], points[:-1], curve="samples", name="table"), arc, Straight(roll=0.0)
     )
-    remaining = check_path_promises(
+    results = check_path_promises(
         result.motion, Mechanism.from_geometry(result.robot.geometry), result.limits
     )
-    assert [item.promise.span.name for item in remaining] == ["arc", "roll"]
-    assert max(item.departure for item in remaining) < 1e-8
+    assert [item.promise.span.name for item in results] == ["arc", "roll"]
+    assert max(item.departure for item in results) < 1e-8
     scan = next(entry for entry in laser_scan.motion if isinstance(entry, Scan))
     small = replace(scan, rows=2, columns=2, diameters=())
     scanned = planned(small, Straight(tilt=-2.05), eye=True)

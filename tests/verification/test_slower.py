@@ -64,8 +64,8 @@ def test_the_worst_speed_is_that_of_a_scan_of_a_thousand(plan, law):
     for joint, item in worst.items():
         i = [j.name for j in robot.joints].index(joint)
         assert item.found.worst == pytest.approx(brute[:, i].max(), rel=0.01)
-        target = np.interp(item.speed, factors, brute[:, i])
-        assert target == pytest.approx(brute[:, i].max(), rel=0.01)
+        value = np.interp(item.speed, factors, brute[:, i])
+        assert value == pytest.approx(brute[:, i].max(), rel=0.01)
     if law == "stribeck":
         assert min(item.speed for item in worst.values()) < 0.5
 

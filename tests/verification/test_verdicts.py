@@ -45,8 +45,8 @@ def test_a_certificate_is_violated_before_it_is_not_judged() -> None:
     """A violated limit has priority over limits that are not judged."""
     torque = Unjudged("motor torque", "roll", "no reason")
     broken = LimitCheck("jerk", None, 3.0, 2.0, -0.5, 0.0, "")
-    remaining = Certificate((LINE,), "x", 3)
-    assert (remaining.verdict, remaining.passed) == ("kept", True)
+    kept = Certificate((LINE,), "x", 3)
+    assert (kept.verdict, kept.passed) == ("kept", True)
     assert Certificate((), "x", 3).verdict == "not judged"
     open_ = Certificate((LINE,), "x", 3, unjudged=(torque,))
     assert (open_.verdict, open_.passed) == ("not judged", False)
@@ -57,7 +57,7 @@ def test_a_certificate_is_violated_before_it_is_not_judged() -> None:
     assert own.verdict_of(LINE) == "not judged"
     assert open_.verdict_of(LINE) == "kept"
     assert open_.verdict_of(broken) == "violated"
-    for certificate in (remaining, open_, own):
+    for certificate in (kept, open_, own):
         data = json.loads(json.dumps(certificate.to_dict()))
         assert Certificate.from_dict(data) == certificate
         assert data["verdict"] == certificate.verdict

@@ -57,8 +57,8 @@ def moving(request: pytest.FixtureRequest, tilt_insert: Problem) -> Plan:
 
 def replanned(base: Plan, at: float, *motion: Motion) -> Plan:
     """Return the plan that continues from the instant `at` of the base plan."""
-    target = starting_from(replace(base.problem, motion=motion), base, at)
-    return plan(target, relaxations=False)
+    problem = starting_from(replace(base.problem, motion=motion), base, at)
+    return plan(problem, relaxations=False)
 
 
 def stopping_times(base: Plan, at: float) -> Array:
@@ -125,9 +125,9 @@ def test_a_line_begins_after_a_stop(moving: Plan, share: float) -> None:
 
 def test_the_present_position_is_a_target_only_at_speed(tilt_insert: Problem) -> None:
     """A motion to the present position is refused at rest, and planned at speed."""
-    start, folder = Task(tilt=-1.6, depth=0.01), Free(Task(tilt=-1.6))
+    start, present = Task(tilt=-1.6, depth=0.01), Free(Task(tilt=-1.6))
     still = replace(
-        tilt_insert, planner="fast", objective="time", start=start, motion=(folder,), limits=()
+        tilt_insert, planner="fast", objective="time", start=start, motion=(present,), limits=()
     )
     with pytest.raises(ProblemError, match="goes nowhere"):
         plan(still)
@@ -138,7 +138,7 @@ def test_the_present_position_is_a_target_only_at_speed(tilt_insert: Problem) ->
     # The joint brakes over v²/(2 a) and returns from rest.
     expected = speed / acceleration * (1 + np.sqrt(2))
     assert result.duration == pytest.approx(expected, rel=1e-4)
-    waits = plan(replace(moving, motion=(folder, Dwell(0.3))), relaxations=False)
+    waits = plan(replace(moving, motion=(present, Dwell(0.3))), relaxations=False)
     assert waits.passed, waits.reason
     assert [phase.duration for phase in waits.phases] == pytest.approx([expected, 0.3], rel=1e-4)
     backwards = replace(still, end_rate=moving.start_rate)

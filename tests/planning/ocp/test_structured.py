@@ -429,10 +429,10 @@ def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
     deep = Task(roll=-0.1, tilt=-2.05, spin=0.3, depth=0.016)
     durations = []
     for start, goal in ((problem.start, deep), (deep, problem.start)):
-        target = dataclasses.replace(
+        outward = dataclasses.replace(
             problem, robot=robot, limits=limits, eye=eye, start=start, motion=(Free(goal),)
         )
-        result = plan(fast(target), relaxations=False)
+        result = plan(fast(outward), relaxations=False)
         assert result.passed
         assert {phase.solver for phase in result.phases} == {"structured"}
         durations.append(result.duration)

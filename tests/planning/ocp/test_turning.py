@@ -327,8 +327,8 @@ def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
         weak = dataclasses.replace(
             to_anywhere, robot=dataclasses.replace(robot, joints=joints), duty=None
         )
-        target = starting_from(weak, shipped, time)
-        (phase,), _ = planner.feasible_phases(target)
+        problem = starting_from(weak, shipped, time)
+        (phase,), _ = planner.feasible_phases(problem)
         reason = planner.check_braking_torque(phase)
         assert (reason is None) == (share > 1)
         if reason is not None:
@@ -346,10 +346,10 @@ def test_a_joint_that_stands_but_for_rounding_begins_at_rest(
     drift = shipped.motion.coefficients.copy()
     drift[:, :, 2] = 0.0
     drift[:, 1, 2] = 2e-7
-    target = starting_from(
+    problem = starting_from(
         to_anywhere, dataclasses.replace(shipped.motion, coefficients=drift), 1.0
     )
-    (phase,), _ = planner.feasible_phases(target)
+    (phase,), _ = planner.feasible_phases(problem)
     assert phase.qd_start[2] == 0.0
 
 

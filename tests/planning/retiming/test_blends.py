@@ -48,17 +48,17 @@ def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(
     assert isinstance(path, BlendedPath)
     s = np.linspace(0.001, 0.999, 3001)
     s = s[np.abs(s[:, None] - path.breaks).min(axis=1) > 2 * h]
-    before, folder, behind = (path.sample(s + shift) for shift in (-h, 0.0, h))
+    before, samples, behind = (path.sample(s + shift) for shift in (-h, 0.0, h))
     assert (behind.q - before.q) / (2 * h) == pytest.approx(
-        folder.dq, abs=1e-5 * np.abs(folder.dq).max()
+        samples.dq, abs=1e-5 * np.abs(samples.dq).max()
     )
     assert (behind.dq - before.dq) / (2 * h) == pytest.approx(
-        folder.ddq, abs=1e-4 * np.abs(folder.ddq).max()
+        samples.ddq, abs=1e-4 * np.abs(samples.ddq).max()
     )
     inner = path.breaks[1:-1]
     left, right = path.sample(inner - 1e-12), path.sample(inner + 1e-12)
     for one, other in ((left.q, right.q), (left.dq, right.dq), (left.ddq, right.ddq)):
-        assert one == pytest.approx(other, abs=1e-6 * np.abs(folder.ddq).max())
+        assert one == pytest.approx(other, abs=1e-6 * np.abs(samples.ddq).max())
     # No joint reverses between knots, and one reverses at each knot that is not a break.
     knots, signs = path.directions
     assert (knots[0], knots[-1]) == (0.0, 1.0)
@@ -67,7 +67,7 @@ def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(
         assert np.all(slopes * sign >= -1e-9)
         assert sign.any()
     turning = knots[1:-1][np.abs(knots[1:-1, None] - path.breaks).min(axis=1) > 1e-9]
-    slopes = np.abs(path.sample(turning).dq / np.abs(folder.dq).max(axis=0).clip(1e-12))
+    slopes = np.abs(path.sample(turning).dq / np.abs(samples.dq).max(axis=0).clip(1e-12))
     assert np.all(np.where(slopes == 0, 1.0, slopes).min(axis=1) < 1e-6)
     # On a short rounding, the joints move almost in straight lines too, and none overshoots.
     joints = path.sample(np.linspace(*inner[:2], 101)).q

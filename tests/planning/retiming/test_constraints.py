@@ -149,9 +149,9 @@ def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
         along = PathLimits.on_grid(turned, GRID, robot, TaskLimits())
         rows = along.constraints(np.full(9, x), static_start=False)
         values = rows.b * x + rows.c + rows.k * np.sqrt(x)
-        time = q + [tilted, 0.0, 0.0, 0.0]
+        positions = q + [tilted, 0.0, 0.0, 0.0]
         qd = np.tile(np.sqrt(x) * WAY * way, (9, 1))
-        samples = Samples(GRID, time, qd, 0 * time, 0 * time)
+        samples = Samples(GRID, positions, qd, 0 * positions, 0 * positions)
         torque = motor_motion(
             robot, RigidBody.from_robot(robot), samples, *motion_directions(robot, samples, 1)
         ).torque

@@ -97,9 +97,9 @@ def corner(mechanism: Mechanism, distance: float, back: bool = False) -> Blended
     end = task + np.array([0.0, 0.0, 0.0, 0.001]) if back else middle + [0.4, -0.05, 0.0, 0.0]
     branch = int(mechanism.branch_of(START))
     first = StraightPath(mechanism, task, middle, branch, START)
-    time = first.sample(np.ones(1)).q[0]
+    joints = first.sample(np.ones(1)).q[0]
     return blend_pieces(
-        mechanism, (first, StraightPath(mechanism, middle, end, branch, time)), (distance,)
+        mechanism, (first, StraightPath(mechanism, middle, end, branch, joints)), (distance,)
     )
 
 
@@ -111,15 +111,15 @@ def test_a_corner_is_left_and_joined_at_its_distance(mechanism: Mechanism, dista
     assert (path.breaks[0], path.breaks[-1]) == (0.0, 1.0)
     tips = tip_position(mechanism, path.sample(path.breaks).q)
     before, behind = path.pieces
-    target = tip_position(mechanism, before.sample(np.ones(1)).q)[0]
-    assert np.linalg.norm(tips[1:3] - target, axis=1) == pytest.approx([distance] * 2, rel=1e-6)
+    corner_tip = tip_position(mechanism, before.sample(np.ones(1)).q)[0]
+    assert np.linalg.norm(tips[1:3] - corner_tip, axis=1) == pytest.approx([distance] * 2, rel=1e-6)
     inside = np.linspace(path.breaks[1], path.breaks[2], 41)
-    away = np.linalg.norm(tip_position(mechanism, path.sample(inside).q) - target, axis=1)
+    away = np.linalg.norm(tip_position(mechanism, path.sample(inside).q) - corner_tip, axis=1)
     assert away.max() <= distance * (1 + 1e-6)
     s, h = np.linspace(0.01, 0.99, 50), 1e-6
-    folder, ahead, back = (path.sample(s + step) for step in (0.0, h, -h))
-    scale = 1 + np.abs(folder.ddq).max()
-    assert (ahead.q - back.q) / (2 * h) == pytest.approx(folder.dq, abs=1e-6 * scale)
+    samples, ahead, back = (path.sample(s + step) for step in (0.0, h, -h))
+    scale = 1 + np.abs(samples.ddq).max()
+    assert (ahead.q - back.q) / (2 * h) == pytest.approx(samples.dq, abs=1e-6 * scale)
     for order, name in enumerate(("q", "dq", "ddq")):
         left, right = (
             getattr(path.sample(path.breaks[1:3] + step), name) for step in (-1e-9, 1e-9)

@@ -68,10 +68,10 @@ def arc(mechanism: Mechanism, angle: float) -> TipPath:
 
 def derivatives_hold(path: JointPath) -> None:
     """Assert that q' and q'' equal central differences of q and q'."""
-    folder, ahead, behind = (path.sample(S + h) for h in (0.0, H, -H))
-    scale = 1 + np.abs(folder.ddq).max()
-    assert (ahead.q - behind.q) / (2 * H) == pytest.approx(folder.dq, abs=1e-6 * scale)
-    assert (ahead.dq - behind.dq) / (2 * H) == pytest.approx(folder.ddq, abs=1e-5 * scale)
+    samples, ahead, behind = (path.sample(S + h) for h in (0.0, H, -H))
+    scale = 1 + np.abs(samples.ddq).max()
+    assert (ahead.q - behind.q) / (2 * H) == pytest.approx(samples.dq, abs=1e-6 * scale)
+    assert (ahead.dq - behind.dq) / (2 * H) == pytest.approx(samples.ddq, abs=1e-5 * scale)
 
 
 def directions_hold(path: JointPath) -> None:
@@ -236,10 +236,10 @@ def motion_path(mechanism: Mechanism) -> MotionPath:
 
 def test_the_path_of_a_motion_is_the_motion(motion_path: MotionPath) -> None:
     samples = motion_path.sample(np.array([0.25, 0.75, 1.2]))
-    target = motion_path.trajectory.sample(np.array([0.5, 1.5, 2.0]))
-    assert samples.q == pytest.approx(target.q)
-    assert samples.dq == pytest.approx(2 * target.qd)
-    assert samples.ddq == pytest.approx(4 * target.qdd)
+    expected = motion_path.trajectory.sample(np.array([0.5, 1.5, 2.0]))
+    assert samples.q == pytest.approx(expected.q)
+    assert samples.dq == pytest.approx(2 * expected.qd)
+    assert samples.ddq == pytest.approx(4 * expected.qdd)
     assert not samples.dq[:, 1:].any()
     derivatives_hold(motion_path)
     grid = motion_path.grid(104)

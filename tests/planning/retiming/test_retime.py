@@ -98,9 +98,9 @@ def test_a_path_follows_its_line_and_its_derivatives_are_its_own(tilt_insert: Pr
     path = paths(tilt_insert)[0]
     s = np.linspace(0.01, 0.99, 50)
     h = 1e-6
-    low, folder, high = path.sample(s - h), path.sample(s), path.sample(s + h)
-    assert np.allclose((high.q - low.q) / (2 * h), folder.dq, rtol=1e-6, atol=1e-8)
-    assert np.allclose((high.dq - low.dq) / (2 * h), folder.ddq, rtol=1e-6, atol=1e-6)
+    low, middle, high = path.sample(s - h), path.sample(s), path.sample(s + h)
+    assert np.allclose((high.q - low.q) / (2 * h), middle.dq, rtol=1e-6, atol=1e-8)
+    assert np.allclose((high.dq - low.dq) / (2 * h), middle.ddq, rtol=1e-6, atol=1e-6)
 
 
 def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:

@@ -30,8 +30,8 @@ def test_a_film_lasts_as_long_as_the_motion(tmp_path: Path) -> None:
             (frame.info["duration"], np.asarray(frame.convert("L"), float))
             for frame in ImageSequence.Iterator(Image.open(path))
         ]
-        text = sum(duration for duration, _ in frames[:-1])
-        assert text == pytest.approx(1000 * plan.duration / speed, abs=21)
+        total = sum(duration for duration, _ in frames[:-1])
+        assert total == pytest.approx(1000 * plan.duration / speed, abs=21)
         for (_, a), (_, b) in zip(frames[:-1:8], frames[8::8], strict=False):
             assert not np.array_equal(a, b), "the tool moves"
 

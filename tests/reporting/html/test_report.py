@@ -80,8 +80,10 @@ def test_page_and_terminal_show_where_the_joints_start_and_end(page: str) -> Non
     rows = joints_table(plan).rows
     ends = plan.trajectory.sample(np.array([0.0, plan.trajectory.duration])).q
     for k, (row, unit) in enumerate(zip(rows, ("deg", "deg", "deg", "mm"), strict=True)):
-        text = [float(cell.replace("\u2212", "-")) for cell in row[1:3]]
-        assert text == pytest.approx(ends[:, k] * (180 / np.pi if unit == "deg" else 1e3), abs=1e-3)
+        values = [float(cell.replace("\u2212", "-")) for cell in row[1:3]]
+        assert values == pytest.approx(
+            ends[:, k] * (180 / np.pi if unit == "deg" else 1e3), abs=1e-3
+        )
         assert row[3] == unit
     assert "<h3>Joints at both ends</h3>" in page
     assert "joint        from" in "\n".join(summary_lines(plan, verbose=True))
@@ -359,13 +361,13 @@ def test_the_page_of_power_losses_shows_their_travel() -> None:
     data = simulation_data(plan, result)
     (panel,) = (panel for panel in data["panels"] if panel["channel"] == "travel")
     assert (panel["unit"], panel["scale"]) == ("mm", 1e3)
-    text = {
+    curve = {
         name: np.frombuffer(base64.b64decode(data["channels"][1][name]), dtype="<f8")
         for name in ("t", "travel")
     }
     # The page draws straight lines between the power losses and samples them at its instants.
-    travel = np.interp(text["t"], result.losses.time, result.losses.travel)
-    np.testing.assert_allclose(text["travel"], travel, rtol=1e-12, atol=0.0)
+    travel = np.interp(curve["t"], result.losses.time, result.losses.travel)
+    np.testing.assert_allclose(curve["travel"], travel, rtol=1e-12, atol=0.0)
 
 
 def test_a_joint_without_a_drive_has_no_tracking() -> None:
