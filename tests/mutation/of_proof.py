@@ -4,8 +4,7 @@
 
 A mutant is found if it raises an error, or if a bound, a verdict or a name differs from that of the
 original by more than the enclosures permit. Mutants that only change the allowance for rounding
-cannot be found in this way, so sums and products that contain a rounding unit are not mutated. The
-program lists all survivors.
+cannot be found in this way, so these operators are not mutated. The program lists all survivors.
 """
 
 from __future__ import annotations
@@ -44,10 +43,8 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Eq: ast.NotEq,
     ast.NotEq: ast.Eq,
 }
-ROUNDING = {"U", "UP", "TINY"}
-"""Names of the constants in `examples/prove.py` that only serve the allowance for rounding."""
 MAX_ROUNDING = 1e-10
-"""A smaller number in a sum or product is an allowance for rounding."""
+"""A smaller number in `examples/prove.py` is an allowance for rounding."""
 SAME = 1e-7
 """Relative difference up to which two bounds count as the same."""
 
@@ -67,15 +64,42 @@ def is_swapped(node: ast.AST) -> bool:
 
 
 def rounding_nodes(tree: ast.AST) -> set[ast.AST]:
-    """Return the nodes in sums and products with a rounding unit, such as U or 1 + 1e-12."""
+    """Return the nodes that only serve the allowance for rounding.
+
+    They are rounding terms such as `4 * U`, sums that add such a term, factors such as `UP` or
+    `1 + 1e-12`, and products with such a factor. The other operand of such a sum or product is not
+    among them.
+    """
     result: set[ast.AST] = set()
     for node in ast.walk(tree):
-        names = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
-        numbers = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
-        tiny = any(isinstance(value, float) and 0 < value < MAX_ROUNDING for value in numbers)
-        if isinstance(node, ast.BinOp) and (names & ROUNDING or tiny):
+        if not isinstance(node, ast.BinOp):
+            continue
+        if is_rounding_term(node):
             result |= set(ast.walk(node))
+        for operand in (node.left, node.right):
+            is_sum = isinstance(node.op, ast.Add | ast.Sub)
+            if is_rounding_term(operand) if is_sum else is_rounding_factor(operand):
+                result |= {node, *ast.walk(operand)}
     return result
+
+
+def is_rounding_term(node: ast.AST) -> bool:
+    """Return True if a number is as small as a rounding error: U, TINY, 1e-12 or a multiple."""
+    if isinstance(node, ast.BinOp):
+        parts = is_rounding_term(node.left), is_rounding_term(node.right)
+        is_sum = isinstance(node.op, ast.Add | ast.Sub)
+        return all(parts) if is_sum else isinstance(node.op, ast.Mult) and any(parts)
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, float) and 0 < node.value < MAX_ROUNDING
+    return isinstance(node, ast.Name) and node.id in ("U", "TINY")
+
+
+def is_rounding_factor(node: ast.AST) -> bool:
+    """Return True if a number differs from 1 by a rounding term only."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+        is_one = isinstance(node.left, ast.Constant) and node.left.value == 1
+        return is_one and is_rounding_term(node.right)
+    return isinstance(node, ast.Name) and node.id == "UP"
 
 
 def operator_of(node: ast.AST) -> ast.AST | None:
