@@ -92,7 +92,7 @@ $(VENV)/.ci: $(SOURCES) | $(BIN)/python
 	$(INSTALL) -e '.[test,lint,docs]'
 	@touch $(VENV)/.main $(VENV)/.test $(VENV)/.lint $(VENV)/.docs $@
 
-# What the tests need that `.ci/run` repeats with other versions of Python.
+# Packages for the tests that `.ci/run` repeats with other versions of Python.
 $(VENV)/.versions: $(SOURCES) | $(BIN)/python
 	$(INSTALL) -e . pytest pytest-xdist hypothesis pint
 	@touch $(VENV)/.main $@
