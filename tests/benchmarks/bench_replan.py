@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 KINDS = ("straight", "free", "jerk", "waypoints", "eye", "scan", "tilt_insert")
 PARTS = {
     "solver": ("planning.ocp.refinement.solve_structured",),
-    "Ipopt": ("planning.ocp.transcription.run_ipopt",),
+    "Ipopt": ("planning.ocp.transcription.run_ipopt", "planning.ocp.transcription.ipopt"),
     "TOPP-RA": (
         "planning.phase_planner.retime",
         "planning.postprocess.retime_motion",
@@ -39,7 +39,7 @@ PARTS = {
     ),
     "check": ("pipeline.run.check",),
 }
-"""Functions whose time makes up a part of `run.plan`.
+"""Functions whose time makes up a part of `run.plan`, also under the names of earlier checkouts.
 
 A call from one of these functions to another counts once. The part `outside` is the time of the
 plan without the solvers.
@@ -75,7 +75,7 @@ def problem_of(kind: str, turn: int) -> Any:
 
 
 def compiled() -> None:
-    """Compile what is otherwise compiled in the background, as far as the checkout supports it."""
+    """Compile the functions at once that a background thread would compile, if the checkout can."""
     with suppress(ImportError):
         from ssm_planner.planning.ocp.compiled import function_store
 
