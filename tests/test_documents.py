@@ -150,7 +150,7 @@ NOT_RUN = {
     "reproduce": "takes minutes: tests/paper",
     "study": "takes minutes; `show` and `compare` need its store: tests/studies",
     "predict": "needs recordings, which are not part of the project: tests/identification/test_prediction.py",
-    "compare": "needs recordings of the plan: tests/test_comparison.py",
+    "compare": "needs recordings of the plan: tests/comparison",
     "plan problems/eye_approach.yaml": "takes long: `make docs` plans it",
     "identify problems/drives/rig": "takes long: tests/identification",
     "identify DRIVE RECORDING …": "the same with an option that fixes what may be fixed is run",
@@ -315,21 +315,23 @@ def test_the_film_of_the_readme_is_that_of_the_plan(tmp_path: Path) -> None:
 
 def test_the_python_page_runs(tmp_path: Path) -> None:
     (tmp_path / "problems").symlink_to(ROOT / "problems")
-    for kind, block in BLOCK.findall((ROOT / "docs/python.md").read_text(encoding="utf-8")):
-        if kind == "python":
-            process = run([sys.executable, "-c", block], tmp_path)
-            assert process.returncode == 0, process.stderr
-            assert (tmp_path / "results/mine/plan.json").exists()
-            assert (tmp_path / "out").is_dir()
+    blocks = BLOCK.findall((ROOT / "docs/python.md").read_text(encoding="utf-8"))
+    programs = [block for kind, block in blocks if kind == "python"]
+    assert programs
+    for program in programs:
+        process = run([sys.executable, "-c", program], tmp_path)
+        assert process.returncode == 0, process.stderr
+        assert (tmp_path / "results/mine/plan.json").exists()
+        assert (tmp_path / "out").is_dir()
 
 
 def test_messages_of_the_faq_are_the_programs() -> None:
     source = "".join(
         file.read_text(encoding="utf-8") for file in (ROOT / "ssm_planner").rglob("*.py")
     )
-    for heading in re.findall(
-        r"^## (.+)$", (ROOT / "docs/faq.md").read_text(encoding="utf-8"), re.M
-    ):
+    headings = re.findall(r"^## (.+)$", (ROOT / "docs/faq.md").read_text(encoding="utf-8"), re.M)
+    assert headings
+    for heading in headings:
         assert heading in source, heading
 
 
@@ -361,7 +363,9 @@ def test_commands_print_what_the_page_shows(name: str, tmp_path: Path) -> None:
     """
     text = (ROOT / name).read_text(encoding="utf-8")
     start = f'ssm-planner() {{ {shlex.quote(sys.executable)} -m ssm_planner "$@"; }}\n'
-    for block in (block for kind, block in BLOCK.findall(text) if kind == "console"):
+    blocks = [block for kind, block in BLOCK.findall(text) if kind == "console"]
+    assert blocks
+    for block in blocks:
         for part in block.split("$ ")[1:]:
             command, *expected = part.splitlines()
             process = run(["bash", "-c", start + command], tmp_path)

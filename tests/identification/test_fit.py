@@ -385,7 +385,9 @@ def check_coverage(counts: dict[str, tuple[int, int]]) -> None:
 @pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("case", CASES)
 def test_intervals_called_separable_cover_the_truth(case):
-    check_coverage(coverage(case, 4, "given"))
+    counts = coverage(case, 4, "given")
+    assert counts.keys() & CASES[case][2].keys(), "an interval is called separable"
+    check_coverage(counts)
 
 
 @pytest.mark.slow
@@ -400,6 +402,7 @@ def test_they_cover_it_whichever_law_is_chosen():
     for case in CASES:
         for name, counted in coverage(case, selected(1, every=2), "auto").items():
             together[name] = tuple(np.add(together.get(name, (0, 0)), counted).tolist())
+    assert "mu" in together, "its interval is called separable"
     check_coverage(together)
 
 

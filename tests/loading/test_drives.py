@@ -305,7 +305,8 @@ class TestSelfLocking:
         bound = math.tan(drive.lead_angle) * math.cos(drive.pressure_angle)
         new = f"mu: {{value: {bound * (1 + offset)!r}"
         if offset < 0:
-            files.rejection(SCREW, "mu: {value: 0.17", new)
+            message = files.rejection(SCREW, "mu: {value: 0.17", new)
+            assert f"mu above {bound:.4g}" in message
         else:
             files.edit(SCREW, "mu: {value: 0.17", new)
             files.load(SCREW)

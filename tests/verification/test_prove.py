@@ -378,7 +378,7 @@ def test_bounds_contain_values_and_halves_are_the_same_polynomial(seed: int) -> 
 
 WITHOUT_PLAN = {4, 7, 11, 35, 37, 38, 43, 47, 51, 58, 65, 67, 68, 79, 80, 83, 84, 86, 96, 98, 109}
 """Seeds of random problems for which there is no plan."""
-SEEDS = drawn(10, sorted({*range(110 if EVERY_CASE else 30)} - WITHOUT_PLAN))
+SEEDS = drawn(10, sorted({*range(110 if EVERY_CASE else 50)} - WITHOUT_PLAN))
 
 
 @pytest.mark.slow
