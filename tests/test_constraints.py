@@ -33,7 +33,8 @@ def needed(
 ) -> Iterator[str]:
     """Yield the names of the installed distributions that one distribution needs.
 
-    These include the distribution itself and all indirect needs. `seen` collects what was visited.
+    These include the distribution itself and all indirect needs. `seen` collects the visited
+    distributions.
     """
     if (name, extras) in seen:
         return

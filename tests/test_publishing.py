@@ -288,7 +288,7 @@ def test_a_manifest_may_list_what_no_file_can_be_called(name: str, tmp_path: Pat
     manifest = json.loads(path.read_text(encoding="utf-8"))
     manifest["files"][name] = "0" * 64
     path.write_text(json.dumps(manifest), encoding="utf-8")
-    check_generation(tmp_path / "out")  # A missing file is no error.
+    check_generation(tmp_path / "out")  # A missing file is not an error.
     publish(tmp_path / "out", NEW)
     assert name not in read_manifest(tmp_path / "out")["files"]
 

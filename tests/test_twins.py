@@ -102,7 +102,7 @@ class _Shape(ast.NodeTransformer):
 def shape(node: ast.AST) -> tuple[int, str]:
     """Return the number of nodes and a digest of a tree.
 
-    Trees with the same operations have the same digest, whatever their local names.
+    Trees with the same operations have the same digest even if their local names differ.
     """
     text = ast.dump(_Shape().visit(pickle.loads(pickle.dumps(node))))
     return text.count("("), hashlib.sha256(text.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Valid quantities are read. All others are refused with a message that says what is expected."""
+"""Valid quantities are read, and messages about others state the expected form."""
 
 from __future__ import annotations
 

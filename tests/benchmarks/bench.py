@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.bench [--quick] [--only PART …] [--recordings DIR] [-o FILE]
 
-Every part runs in a process of its own, so that neither the memory nor a crash of one part affects
+Every part runs in a process of its own, so that the memory or a crash of one part does not affect
 another. Figures that miss their targets are marked. The exit status is 1 if a part could not run.
 """
 

@@ -37,7 +37,7 @@ JUDGED = (
     ("certificate",),
     ("problem", "robot"),
 )
-"""Parts of plan.json that the certificate covers, besides the limits of the task."""
+"""Parts of plan.json that the certificate covers in addition to the limits of the task."""
 LIMITS = ("limits", "tip_speed", "rates", "eye", "start_rate", "end_rate")
 
 

@@ -60,7 +60,7 @@ def test_the_torque_by_the_direction_of_power(
     share = np.where(F * w > 0, 1 / 0.9, 0.7)
     expected = 1e-6 * wd + 1e-3 * np.sign(w) + 2e-6 * w + share * F / ratio
     assert np.asarray(motor_torque(result, F, w, wd)) == pytest.approx(expected, rel=1e-12)
-    # Breakaway adds the losses to the load, and holding needs only what the losses leave of it.
+    # Breakaway adds the losses to the load, and holding needs only the load minus the losses.
     assert breakaway_torque(result, 2.0, 1) == pytest.approx(2 / (0.9 * ratio) + 1e-3)
     assert holding_torque(result, 2.0) == pytest.approx(max(0.7 * 2 / ratio - 1e-3, 0.0))
 

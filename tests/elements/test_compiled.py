@@ -290,7 +290,7 @@ def test_any_robot_has_them(tilt_insert: Problem, seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_any_robot_has_them_on_a_path(tilt_insert: Problem, with_jerk: WithJerk, seed: int) -> None:
-    """The compiled functions exist for elements on a path, also with a joint that has no drive."""
+    """The compiled functions exist for elements on a path, also if a joint lacks a drive."""
     rng = np.random.default_rng(seed)
     robot = drives(with_jerk(random_problem(tilt_insert, seed).robot, 35.0, 1.0), rng)
     undriven = unchecked_copy(robot.joints[1], drive=None, motor=None)

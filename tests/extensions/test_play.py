@@ -368,8 +368,9 @@ def test_an_alarm_during_a_requested_stop_is_stated(exported: Export, machine: M
 def test_after_a_pause_the_drives_hold_their_last_set_points(
     where: str, exported: Export, machine: Machine
 ) -> None:
-    """After the pause, the drives already stand. A set point on the path would make them jump to
-    the speed of the motion.
+    """The drives are already at rest after the pause.
+
+    A set point on the path would make them jump to the speed of the motion.
     """
 
     def pause(message: can.Message) -> None:

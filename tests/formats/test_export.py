@@ -256,8 +256,8 @@ def test_round_trip(
                 assert limit.margin <= original[limit.name, limit.joint]
                 continue
             compared += 1
-            # Increments round positions by half an increment and speeds by one increment per
-            # millisecond.
+            # Rounding to increments changes positions by up to half an increment, and speeds by up
+            # to one increment per millisecond.
             allowed = 0.012 if to == "epos4" else 1e-4
             assert limit.margin == pytest.approx(original[limit.name, limit.joint], abs=allowed)
         assert compared >= (12 if to == "epos4" else 20)

@@ -25,7 +25,7 @@ LESS_CLOSE = {
     ("rig1_lead_screw", "coulomb"): 0.1,
     ("rig2_antibacklash_screw", "stribeck_exponential"): 0.35,
 }
-"""Larger tolerances for laws whose parameters the data of these rigs hardly determine."""
+"""Larger tolerances for laws whose parameters the data of these rigs barely determine."""
 
 
 def model_of(rig: str, **fixed: float) -> MapModel:

@@ -33,7 +33,7 @@ from tests.mutation.mutations import Mutant, mutants, swap
 LONGEST, BUDGET = 6.0, 12.0
 """CPU time in s of one test with its fixtures, and of all tests for one mutant.
 
-Tests that take longer kill hardly any further mutants.
+Longer tests find very few further mutants.
 """
 MEMORY = 8 << 30
 

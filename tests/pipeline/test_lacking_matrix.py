@@ -160,7 +160,7 @@ def test_every_objective_and_planner_plans_or_refuses(
         _, problem = _write(tmp_path, variant, objective, planner)
         words = ("plan", problem, "--json", "-o", tmp_path / "out")
         statuses[objective, planner] = _answers(capsys, words)
-    # TOPP-RA supports neither durations nor effort. Every other planner plans every objective.
+    # TOPP-RA does not support durations or effort. Every other planner plans every objective.
     refused = {case for case, status in statuses.items() if status}
     assert {planner for _, planner in refused} <= {"toppra"}
     assert ("time", "toppra") not in refused or variant == "jerk limits"

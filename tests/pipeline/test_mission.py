@@ -335,7 +335,7 @@ def test_nothing_is_certified_yet_when_the_first_motion_is_planned(
 
 @pytest.mark.parametrize("depth", [0.0208, 0.0235])
 def test_no_other_joints_are_tried_for_a_target_in_the_retina(depth: float) -> None:
-    """The plan tries neither other joints nor another limit for a target in the retina.
+    """For a target in the retina, the plan does not try other joints or another limit.
 
     The tip position at the target does not depend on the joints that reach it.
     """

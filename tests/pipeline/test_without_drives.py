@@ -95,7 +95,7 @@ SAMPLE = [
 def test_any_objective_has_a_plan(
     tilt_insert: Problem, lacking: str, objective: str, planner: Planner
 ) -> None:
-    """Every objective has a plan, whatever parts the robot lacks."""
+    """Every objective has a plan even if drives or motors are missing."""
     changes = OBJECTIVES[objective]
     outcome = plan(_lacking(tilt_insert, LACKING[lacking], planner=planner, **changes))
     assert outcome.passed

@@ -28,7 +28,7 @@ from ssm_planner.simulation.playback import (
 )
 
 COUNTS = 2**22
-"""Counts per turn of an encoder that is so fine that it hardly rounds."""
+"""Counts per turn of an encoder that is so fine that its rounding is negligible."""
 QA = np.array([0.3, 1.15, 0.1, -0.005])
 QD_A = np.array([0.4, -0.3, 0.2, -0.004])
 QDD_A = np.array([1.5, -1.0, 0.5, -0.02])

@@ -123,7 +123,7 @@ def test_every_input_changes_the_context_and_the_search_does_not() -> None:
 
 
 def test_a_table_of_a_motion_is_an_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The path of a table is relative to its problem file, whatever the working folder is.
+    """The path of a table is relative to its problem file in any working folder.
 
     A change of the table is a change of the study.
     """

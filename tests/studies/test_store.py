@@ -1,6 +1,6 @@
 """The store keeps rows by their keys, admits one writer, and stays valid after a kill.
 
-A file that is no store is refused with its name.
+A file that is not a store is refused with its name.
 """
 
 from __future__ import annotations

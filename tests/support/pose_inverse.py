@@ -61,9 +61,9 @@ def inverse(
     positions : (n, 3)
         Tip position p in m.
     limits : (4, 2), optional
-        Joint limits that mark the solutions, see `within_limits`.
+        Joint limits that mark the solutions, see `mark_within_limits`.
     reference : (4,) or (n, 4), optional
-        Joints that order the solutions, see `by_distance`.
+        Joints that order the solutions, see `sort_by_distance`.
 
     Raises
     ------

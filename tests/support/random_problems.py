@@ -63,7 +63,7 @@ def random_problem(base: Problem, seed: int, most: int = 3) -> Problem:
         file=None,
     )
     if rng.random() < 0.2:
-        # The duration ranges from hardly possible to slow.
+        # The duration ranges from barely possible to slow.
         duration, fixed = (
             float(3 * 10 ** rng.uniform(-0.5, 1)),
             sum(motion.duration or 0.0 for motion in motions),

@@ -113,7 +113,7 @@ class Case:
             rates={TASK_RATES[kind]: bounds[1]} if kind in TASK_RATES else {},
             eye=_eye(kind, bounds[1]) if kind.endswith("clearance") else None,
         )
-        # The motion is a section of a longer one. It neither starts nor ends at rest.
+        # The motion is a section of a longer one. Its start and its end are in motion.
         return dataclasses.replace(limits, start_rate=None, end_rate=None)
 
 

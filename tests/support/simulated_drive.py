@@ -142,7 +142,7 @@ class SimulatedDrive:
         ].encode_raw(value)
 
     def _mapped(self, communication: int, k: int) -> list[tuple[int, int]]:
-        """Return index and size in bytes of the objects in a PDO. A disabled PDO has none."""
+        """Return index and size in bytes of the objects in a PDO. A disabled PDO is empty."""
         if self.value(communication + k, 1) & DISABLED:
             return []
         entries = [

@@ -328,7 +328,7 @@ def test_a_jerk_limit_is_checked(robot: Robot) -> None:
 
 
 def test_no_motor_no_torque_limit_and_it_is_said(robot: Robot) -> None:
-    """Without motors, the check has no limits on torques, and it lists what is not checked."""
+    """Without motors, the check lacks limits on torques and lists the missing checks."""
     bare = dataclasses.replace(
         robot,
         joints=tuple(dataclasses.replace(joint, drive=None, motor=None) for joint in robot.joints),

@@ -297,7 +297,7 @@ def test_where_no_joint_may_turn_by_itself_the_robot_stops_first(
 def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
     shipped: Plan, to_anywhere: Problem
 ) -> None:
-    """A motor that can neither hold its speed nor brake is reported before optimisation.
+    """A motor too weak to hold its speed or to brake is reported before optimisation.
 
     Of 400 random accelerations within the limits, none requires less than the torque that the
     reason states.

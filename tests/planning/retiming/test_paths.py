@@ -288,8 +288,8 @@ class Waves(paths.ClosedPath):
         return q, rate * np.cos(phase), -(rate**2) * np.sin(phase)
 
 
-def test_knots_lie_where_watched_joints_reverse(mechanism: Mechanism) -> None:
-    """A joint that has no drive, or that stands still, has no direction and no knot."""
+def test_knots_lie_where_driven_joints_reverse(mechanism: Mechanism) -> None:
+    """A joint without a drive or without motion gets no direction and no knot."""
     path = Waves(mechanism)
     knots, signs = path.directions
     assert knots == pytest.approx([0.0, 1 / 6, 1 / 2, 5 / 6, 1.0], abs=1e-12)

@@ -119,7 +119,7 @@ def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
 
 @pytest.fixture(scope="module")
 def small_move(tilt_insert: Problem) -> Problem:
-    """Return a problem in which one joint moves far and the others hardly move.
+    """Return a problem in which one joint moves far and the others move very little.
 
     The small displacements have sharp bends.
     """

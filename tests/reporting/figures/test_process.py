@@ -1,4 +1,4 @@
-"""Figures of a second process equal those of this process, whatever happens to the second one."""
+"""Figures of a second process equal those of this process, even if the second process fails."""
 
 from __future__ import annotations
 
