@@ -207,7 +207,7 @@ def test_old_names_are_found() -> None:
 
 
 def test_no_module_takes_a_name_away() -> None:
-    assert not NAMES & {result.name for result in pkgutil.iter_modules(ssm_planner.__path__)}
+    assert not NAMES & {module.name for module in pkgutil.iter_modules(ssm_planner.__path__)}
 
 
 @pytest.mark.parametrize(

@@ -78,10 +78,11 @@ def main() -> int:
             }
         )
         nominal, _ = result[label]
-        for item, (taken, output) in result.items():
+        for case, (taken, planned) in result.items():
             worst = max(worst, taken / nominal)
             print(
-                f"{item:46}{taken:7.3f} s{taken / nominal:8.2f}{output.duration:9.4f} s", flush=True
+                f"{case:46}{taken:7.3f} s{taken / nominal:8.2f}{planned.duration:9.4f} s",
+                flush=True,
             )
     return int(worst > MOST)
 

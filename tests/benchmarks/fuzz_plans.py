@@ -90,12 +90,12 @@ def ending(seed: int) -> Ending:
         words = traceback.format_exc(limit=-2)
         return Ending(seed, "crashed", time.process_time() - start, (words,), words, False)
     seconds = time.process_time() - start
-    outcome = tuple(faults(problem, result))
+    texts = tuple(faults(problem, result))
     if result.reason is None:
-        return Ending(seed, "certified", seconds, outcome, "", True)
+        return Ending(seed, "certified", seconds, texts, "", True)
     words = f"{result.reason.message}; {result.reason.relaxation or 'no relaxation found'}"
     solvable = not _certain(result.reason) and any(_solved(problem, *way) for way in OTHERWISE)
-    return Ending(seed, result.reason.constraint, seconds, outcome, words, solvable)
+    return Ending(seed, result.reason.constraint, seconds, texts, words, solvable)
 
 
 def _certain(reason: Reason) -> bool:

@@ -324,9 +324,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     total = killed = 0
-    for line, name, result in survivors(options.count, options.seed):
-        total, killed = total + 1, killed + result
-        if not result:
+    for line, name, is_found in survivors(options.count, options.seed):
+        total, killed = total + 1, killed + is_found
+        if not is_found:
             print(f"line {line}: {name} survives", flush=True)
     print(f"{killed} of {total} mutants found")
 

@@ -142,7 +142,7 @@ def test_the_command_writes_the_committed_document(made: Made) -> None:
     flat = [re.sub(r"\s+", " ", path.read_text(encoding="utf-8")) for path in documents]
     assert NUMBER.sub("#", flat[0]) == NUMBER.sub("#", flat[1])
     values = [
-        np.array([float(result.replace("−", "-")) for result in NUMBER.findall(words)])
+        np.array([float(number.replace("−", "-")) for number in NUMBER.findall(words)])
         for words in flat
     ]
     error = np.abs(values[0] - values[1]) / (np.abs(values[0]) + 1e-3)

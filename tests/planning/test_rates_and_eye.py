@@ -65,7 +65,7 @@ def moving(
 def limit(result: Plan, name: str) -> LimitCheck:
     """Return the check of the limit with this name."""
     assert result.certificate is not None
-    return next(outcome for outcome in result.certificate.limits if outcome.name == name)
+    return next(line for line in result.certificate.limits if line.name == name)
 
 
 @pytest.mark.parametrize("kind", ["straight", "free"])
@@ -94,7 +94,7 @@ def test_all_rates_and_the_tip_speed_together(tilt_insert: Problem, kind: str) -
     )
     assert result.passed
     assert {LIMIT[name] for name in RATES} | {"tip speed"} <= {
-        outcome.name for outcome in result.certificate.limits
+        line.name for line in result.certificate.limits
     }
 
 
@@ -105,7 +105,7 @@ def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: 
     with_eye = moving(laser_scan, "free", start, goal)
     without = plan(dataclasses.replace(with_eye, eye=None))
     against = check(without.trajectory, laser_scan.robot, with_eye.task_limits)
-    violated = next(outcome for outcome in against.limits if outcome.name == RetinaClearance.name)
+    violated = next(line for line in against.limits if line.name == RetinaClearance.name)
     assert violated.margin < -1e-3
     result = plan(with_eye)
     assert result.passed
@@ -185,10 +185,7 @@ def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective:
     )
     without = plan(dataclasses.replace(problem, eye=None))
     against = check(without.trajectory, problem.robot, problem.task_limits)
-    assert (
-        next(outcome for outcome in against.limits if outcome.name == LensClearance.name).margin
-        < -0.02
-    )
+    assert next(line for line in against.limits if line.name == LensClearance.name).margin < -0.02
     result = plan(problem)
     assert result.passed
     assert -1e-6 <= limit(result, LensClearance.name).margin < 1e-2

@@ -225,17 +225,17 @@ def faults(problem: Problem, result: Plan) -> list[str]:
         return _faults_of_reason(result.reason)
     if result.trajectory is None or result.certificate is None or not result.passed:
         return ["neither a certificate nor a reason"]
-    outcome = []
+    texts = []
     if min(limit.margin for limit in result.certificate.limits) < -1e-6:
-        outcome.append("passed with a limit exceeded")
+        texts.append("passed with a limit exceeded")
     if result.trajectory.duration < (result.lower_bound or 0.0) * (1 - 1e-6):
-        outcome.append("shorter than its lower bound")
+        texts.append("shorter than its lower bound")
     duration = problem.duration
     if duration is not None and abs(result.trajectory.duration / duration - 1) > 1e-6:
-        outcome.append(
+        texts.append(
             f"takes {result.trajectory.duration:.9g} s instead of the {duration:.9g} s asked for"
         )
-    return outcome + _faults_of_ends(problem, result)
+    return texts + _faults_of_ends(problem, result)
 
 
 def _faults_of_reason(reason: Reason) -> list[str]:
@@ -258,19 +258,19 @@ def _faults_of_ends(problem: Problem, result: Plan) -> list[str]:
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     first = trajectory.sample(trajectory.breaks[:1])
     last = trajectory.sample(trajectory.breaks[-1:], side="left")
-    outcome = []
+    texts = []
     start = task_from_joints(mechanism, first.q)[0]
     for name, value in problem.start.set_coordinates.items():
         if abs(np.sin((start[TASK_COORDINATES.index(name)] - value) / 2)) > 1e-9:
-            outcome.append(f"begins at another {name}")
+            texts.append(f"begins at another {name}")
     end = task_from_joints(mechanism, last.q)[0]
     last_motion = problem.motion[-1]
     goal = last_motion.to.set_coordinates if isinstance(last_motion, (Straight, Free)) else {}
     for name, value in goal.items():
         if abs(np.sin((end[TASK_COORDINATES.index(name)] - value) / 2)) > 1e-9:
-            outcome.append(f"ends at another {name}")
+            texts.append(f"ends at another {name}")
     if not problem.start_rate and np.abs(first.qd).max() > 1e-9:
-        outcome.append("does not begin at rest")
+        texts.append("does not begin at rest")
     if not problem.end_rate and np.abs(last.qd).max() > 1e-9:
-        outcome.append("does not end at rest")
-    return outcome
+        texts.append("does not end at rest")
+    return texts

@@ -71,7 +71,7 @@ def over_retina(distance: float) -> Follow:
 
 def exceeded(motion: Trajectory, robot: Any, limits: TaskLimits) -> set[str]:
     """Return the names of the violated limits."""
-    return {result.name for result in check(motion, robot, limits).violations}
+    return {line.name for line in check(motion, robot, limits).violations}
 
 
 @pytest.mark.slow
@@ -89,9 +89,7 @@ def test_healthy_plans_hold_their_promises(planned: Callable[..., Plan]) -> None
         certificate = check(output.motion, output.robot, output.limits, seal=True)
         assert certificate.passed
         assert certificate.limits == output.certificate.limits  # type: ignore[union-attr]
-        assert [
-            result.name for result in certificate.limits if result.name in PATH_REQUIREMENTS
-        ] == names
+        assert [line.name for line in certificate.limits if line.name in PATH_REQUIREMENTS] == names
         again = Plan.from_json(output.to_json().encode(), Path("plan.json"))
         assert (again.certificate, again.uncertified_reason) == (output.certificate, None)
 
@@ -219,7 +217,7 @@ def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> Non
     assert (off.departure, off.corner_reach) == pytest.approx(
         (0.002 * np.sqrt(0.75), 0.002), rel=1e-6
     )
-    assert not any(result.passed for result in off.checks)
+    assert not any(line.passed for line in off.checks)
 
 
 def test_arcs_and_lines_after_tables_and_scans(

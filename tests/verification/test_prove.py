@@ -426,8 +426,8 @@ def test_a_limit_outside_of_the_proof_is_named() -> None:
 
 @pytest.mark.slow
 def test_mutants_of_the_proof_are_found() -> None:
-    result = [result for *_, result in survivors(12, seed=6)]
-    assert sum(result) >= 10
+    found = [is_found for *_, is_found in survivors(12, seed=6)]
+    assert sum(found) >= 10
 
 
 def test_check_runs_the_separate_program(
