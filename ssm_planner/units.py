@@ -74,8 +74,9 @@ TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": deg, "°": deg}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 _UNIT_IN_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
-_PER_SECOND = r"(?:_per_s(?:\^?2)?|/s(?:\^?2|²)?)"
-_UNIT_AT_END = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){_PER_SECOND}?|s|ms|us|ns)$", re.I)
+PER_SECOND = r"(?:_per_s(?:\^?2)?|/s(?:\^?2|²)?)"
+"""Pattern of the end of a unit of a first or second derivative with respect to time."""
+_UNIT_AT_END = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){PER_SECOND}?|s|ms|us|ns)$", re.I)
 
 
 def split_heading(name: str) -> tuple[str, str]:

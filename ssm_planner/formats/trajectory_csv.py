@@ -10,7 +10,7 @@ import re
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem import Robot
 from ssm_planner.typing import frozen
-from ssm_planner.units import _PER_SECOND, ANGLES, LENGTHS, TIMES, split_heading
+from ssm_planner.units import ANGLES, LENGTHS, PER_SECOND, TIMES, split_heading
 
 ORDER_WORDS = (
     "q|pos|position|angle|theta|displacement",
@@ -224,7 +224,7 @@ def _split_unit(unit: str) -> tuple[str, int]:
 
     For example, both deg/s and deg_per_s give ("deg", 1), and mm/s^2 gives ("mm", 2).
     """
-    match = re.fullmatch(rf"(.*?)({_PER_SECOND})?", unit)
+    match = re.fullmatch(rf"(.*?)({PER_SECOND})?", unit)
     per = (match.group(2) or "") if match else ""
     if not per:
         return unit, 0
