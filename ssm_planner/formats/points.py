@@ -228,7 +228,8 @@ def check_points(points: Points, robot: Robot) -> None:
     """Raise TrajectoryError if points do not form a trajectory of the robot.
 
     Faults are too few points, values that are not finite, times that do not increase, wrong units
-    and swapped columns. The message names the first faulty point.
+    and swapped columns. The message names the first faulty point, or the joint whose derivatives
+    do not fit.
 
     Parameters
     ----------
@@ -328,8 +329,8 @@ LARGEST_ANGLE = 8 * math.pi
 """Largest plausible joint angle, rad. Larger values are probably degrees."""
 LARGEST_STROKE = 1.0
 """Largest plausible position of a prismatic joint, m. Larger values are probably millimetres."""
-SHORT_TABLE_INTERVALS = 20
-"""Number of intervals up to which derivatives are not compared with slopes.
+SHORT_TABLE_POINTS = 20
+"""Number of points up to which derivatives are not compared with slopes.
 
 In a short table, the joints may rest at every point and move in between.
 """
@@ -399,7 +400,7 @@ def check_derivatives(
     names : (str, str)
         Names of the values and of the derivatives for messages.
     """
-    if len(t) <= SHORT_TABLE_INTERVALS:
+    if len(t) <= SHORT_TABLE_POINTS:
         return
     intervals = np.unique(np.linspace(0, len(t) - 2, LARGEST_COMPARED_INTERVALS).astype(int))
     slopes = (value[intervals + 1] - value[intervals]) / (t[intervals + 1] - t[intervals])[:, None]
@@ -408,9 +409,9 @@ def check_derivatives(
         if not slopes[:, i].any():
             continue
         factor, residual = _fit_factor(slopes[:, i], means[:, i])
-        # Between sparse points on a curve the mean of two velocities differs from the slope.
-        has_unit = 1 / UNIT_ERROR_FACTOR < factor < UNIT_ERROR_FACTOR
-        if residual < AGREEMENT_TOLERANCE and has_unit:
+        # Between sparse points on a curve, the mean of two velocities differs from the slope.
+        has_same_unit = 1 / UNIT_ERROR_FACTOR < factor < UNIT_ERROR_FACTOR
+        if residual < AGREEMENT_TOLERANCE and has_same_unit:
             continue
         for k, neighbour in enumerate(robot.joints):
             swapped_factor, swapped_residual = _fit_factor(slopes[:, i], means[:, k])

@@ -234,7 +234,7 @@ def test_two_points_are_a_trajectory(robot: Robot) -> None:
 def test_few_points_are_not_compared_with_their_slopes(
     robot: Robot, count: int, compared: bool
 ) -> None:
-    assert count - compared == module.SHORT_TABLE_INTERVALS
+    assert count - compared == module.SHORT_TABLE_POINTS
     t, q, qd = (table[:count] for table in (T, curves(0), np.degrees(curves(1))))
     if not compared:
         interpolate_points(Points(t, q, qd), robot)
