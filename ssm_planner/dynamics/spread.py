@@ -295,8 +295,8 @@ def drive_with_values(drive: Drive, values: Mapping[str, Any]) -> Drive:
     drive : Drive
         Drive with its friction.
     values : mapping
-        Values by parameter. Arrays (count, 1) represent many drives at once. The value of LAW is
-        the index of the friction law in `FRICTION_LAWS`.
+        Values by parameter. Arrays (count, 1) represent many drives at once. The value of
+        `LAW_COLUMN` is the index of the friction law in `FRICTION_LAWS`.
 
     Returns
     -------
@@ -322,7 +322,8 @@ def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
     """Return the value of an uncertain parameter in the drive file.
 
     The drive file has no Stribeck speed if its friction law does not use one. In this case, the
-    result is the median of the posterior. The value of LAW is the index of the friction law.
+    result is the median of the posterior. The value of `LAW_COLUMN` is the index of the friction
+    law.
     """
     friction = required_friction(drive)
     if name == LAW_COLUMN:

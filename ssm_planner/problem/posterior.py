@@ -16,15 +16,15 @@ from ssm_planner.problem.value import NotNegative, Positive, Shape, Value
 from ssm_planner.typing import Array, JsonObject, Range, record
 
 CONFIDENCE = 0.95
-"""Probability of an interval."""
+"""Default probability of an interval."""
 PRIOR_PEAK_DEVIATION = 0.3
 """Expected standard deviation of the logarithm of peaks before any recording (prior)."""
 PRIOR_PEAK_WEIGHT = 4
 """Weight of `PRIOR_PEAK_DEVIATION`, as a number of recordings."""
 LOAD_OFFSET = "load_offset"
-"""Constant effort on the output in addition to the payload.
+"""Name of the column with the constant effort on the output in addition to the payload.
 
-It belongs to the rig, not to the drive.
+This effort belongs to the rig, not to the drive.
 """
 LAW_COLUMN = "law"
 """Name of the column that contains the friction law of each set as an index into `FRICTION_LAWS`.
@@ -336,7 +336,7 @@ class Posterior(Value):
     names: tuple[str, ...]
     """Names of the columns: parameters of Friction, `preload` and `LOAD_OFFSET`.
 
-    LAW is a further column if some sets have another friction law than the drive.
+    `LAW_COLUMN` is a further column if some sets have another friction law than the drive.
     """
     draws: Annotated[Array, Shape((-1, -1))]
     """Parameter sets, (sets, parameters)."""
@@ -430,8 +430,7 @@ class Posterior(Value):
         Parameters
         ----------
         law : str
-            Friction law of the drive. If the sets have no column `LAW_COLUMN`, all of them have
-            this law.
+            Friction law of the drive. Without the column `LAW_COLUMN`, all sets have this law.
         """
         if LAW_COLUMN not in self.names:
             return {law: 1.0}
