@@ -20,6 +20,7 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.loading.files import decode_text, read_file_bytes
+from ssm_planner.loading.yaml_nodes import LARGEST_DEPTH
 from ssm_planner.typing import Array
 
 PARTIAL_READ_BYTES = 20 * 2**20
@@ -34,8 +35,6 @@ _LIST_END = re.compile(rb"\]\s*\]\s*\]")
 """End of the longest list."""
 _NUMBER_LISTS = re.compile(r"[][\s0-9eE+.,-]*")
 """Text that consists only of nested lists of numbers."""
-LARGEST_DEPTH = 30
-"""Largest number of nested levels in a JSON file."""
 LARGEST_INTEGER_DIGITS = 18
 """Largest number of digits of an integer, which fits 64 bits."""
 

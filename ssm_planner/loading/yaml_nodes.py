@@ -20,7 +20,7 @@ from ssm_planner.typing import frozen
 LARGEST_TREE = 300_000
 """Largest number of values after expansion of aliases."""
 LARGEST_DEPTH = 30
-"""Largest number of nested levels in a YAML file."""
+"""Largest number of nested levels in a YAML or JSON file."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
