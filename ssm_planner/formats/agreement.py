@@ -22,6 +22,8 @@ from ssm_planner.typing import JsonObject, record
 
 UNVERIFIED_SUFFIX = "_unverified"
 """Suffix of the file names of an unverified plan."""
+UNVERIFIED_WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
+"""Warning in the manifest and in the JointTrajectory files of an unverified plan."""
 EXPLANATORY_KEYS = frozenset(
     ("note", "notes", "known", "reason", "encoder", "convention", "form", "not_verified")
     + ("certificate", "deviation", "spline")
@@ -216,7 +218,7 @@ def _nearly_equal(actual: Any, derived: Any) -> bool:
 
 
 def _without_explanations(text: str) -> list[Any]:
-    """Return the content of a text file without comments and explanations, for a comparison.
+    """Return the lines of a text file without comments and explanations.
 
     Comments are lines that start with "#". Explanations are the columns of a CSV table whose names
     are in `EXPLANATORY_KEYS`.

@@ -1,9 +1,9 @@
 """Export a plan to the formats of controllers.
 
 `export` checks a plan again, calls the writer of the format (`format.FORMATS`) and adds a manifest
-with hashes, certificate and, if asked for, a signature. Without a passed certificate it refuses,
-unless the user forces an export that is marked as unverified. The export folder appears only when
-every file is complete.
+with hashes, certificate and, on request, a signature. It refuses a plan without a passed
+certificate, unless the user forces an export that is marked as unverified. The export folder
+appears only when every file is complete.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ExportError
-from ssm_planner.formats.agreement import UNVERIFIED_SUFFIX
+from ssm_planner.formats.agreement import UNVERIFIED_SUFFIX, UNVERIFIED_WARNING
 from ssm_planner.formats.csv import read_csv, read_layout
 from ssm_planner.formats.format import FORMATS
 from ssm_planner.formats.signature import SIGNATURE, sign_manifest
@@ -35,9 +35,6 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import JsonObject, Keywords
 from ssm_planner.verification import Certificate, check_slower, with_seal
 from ssm_planner.verification.check import check
-
-UNVERIFIED_WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
-"""Warning in the manifest of an unverified export."""
 
 
 @checked
@@ -155,7 +152,7 @@ def slowed_plan(plan: Plan, speed: float, is_verified: bool) -> Plan:
         Fraction of the speed, in (0, 1].
     is_verified : bool
         True if the plan has passed its check. The slower plan then receives a new certificate.
-        Otherwise, it has none.
+        Otherwise, its certificate is None.
 
     Returns
     -------
@@ -299,7 +296,7 @@ def write_manifest(
     details : dict
         Entries that the format adds.
     sign : Path, optional
-        PEM file with a private Ed25519 key. Without it, the manifest has no signature.
+        PEM file with a private Ed25519 key. Without it, the manifest is not signed.
 
     Returns
     -------

@@ -19,6 +19,7 @@ import numpy as np
 
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.agreement import (
+    UNVERIFIED_WARNING,
     ExportContent,
     file_name_suffix,
     first_difference,
@@ -133,7 +134,7 @@ def export_ros2(
         write_bag(folder / f"bag{suffix}", plan.robot, message, rate)
     marks = []
     if suffix:
-        marks.append("UNVERIFIED: the plan has no passed certificate; do not run it on a machine.")
+        marks.append(f"{UNVERIFIED_WARNING}.")
     marks.append(f"Plan {one_line(plan.path.name)}, SHA-256 {plan.sha256}; rad, m, N*m, N.")
     marks.append(f"{points.note}.")
     return {
