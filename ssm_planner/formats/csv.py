@@ -233,8 +233,9 @@ def read_csv_export(
 ) -> Reading:
     """Read the table of a CSV export, and derive the rest of the folder from it.
 
-    The columns of motors and task coordinates are compared at once. The content of the result
-    serves to compare the other files (`agreement.check_export_content`).
+    This function also compares the columns of motors and task coordinates with the joints. The
+    caller compares the other files with the content of the result
+    (`agreement.check_export_content`).
 
     Parameters
     ----------
@@ -520,7 +521,7 @@ SEPARATORS = (",", ";", "\t")
 ROUNDING_SAMPLE_ROWS = 1000
 """Number of rows at the beginning of a table that determine the rounding of its positions."""
 LARGEST_EXPONENT = 400
-"""Largest magnitude of a decimal exponent that is evaluated. A float has no finer digit."""
+"""Largest magnitude of a decimal exponent that is evaluated. No float has a larger exponent."""
 
 
 @frozen
@@ -581,7 +582,7 @@ def read_csv(path: Path, robot: Robot) -> Reading:
 def read_layout(path: Path) -> TableLayout:
     """Determine the header and the separator of a table.
 
-    The header is the first line that is neither empty nor a comment. Comments begin with "#". The
+    The header is the first line that is not empty and not a comment. Comments begin with "#". The
     separator is the one among `SEPARATORS` that occurs most often in the header.
 
     Parameters
@@ -597,8 +598,8 @@ def read_layout(path: Path) -> TableLayout:
     Raises
     ------
     TrajectoryError
-        If the file is empty, if the header does not have at least two columns, or if it contains
-        only numbers.
+        If the file is empty, if the header has fewer than two columns, or if it contains only
+        numbers.
     """
     for k, line in _lines(path):
         text = line.strip().lstrip("\ufeff")
@@ -741,7 +742,7 @@ def _row_error(path: Path, layout: TableLayout, message: str, start: int) -> str
     """Return the error message for the first invalid row of a table.
 
     `read_rows` calls this function after numpy has refused a block of rows, because the message of
-    numpy names neither the line nor the column.
+    numpy does not state the line and the column.
 
     Parameters
     ----------

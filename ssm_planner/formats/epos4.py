@@ -364,7 +364,7 @@ def period_ms(rate: float) -> int:
 def _end_velocity_notes(plan: Plan) -> list[str]:
     """Return a note for the manifest that names the joints that still move at the end of a plan.
 
-    The list has one entry, or none if the plan ends at rest.
+    The list is empty if the plan ends at rest.
     """
     velocities = end_velocities(plan.motion)[1]
     if np.abs(velocities).max() <= REST_SPEED:
@@ -516,7 +516,7 @@ STREAM_COLUMNS = {
     "csv": ("target_velocity_mrpm", TORQUE_COLUMN),
     "cst": ("target_torque_permille",),
 }
-"""Columns of a stream besides the time, by mode."""
+"""Columns of a stream after the time, by mode."""
 
 
 def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
@@ -602,9 +602,8 @@ def increments_per_unit(axes: Mapping[str, Axis], name: str) -> float:
 def _column_names(joint: Joint, driven: bool) -> tuple[str, ...]:
     """Return the names of the columns after the time in the file of one joint.
 
-    The file of a joint with a drive contains the set points of the mode "cyclic synchronous
-    position" (CSP): position, velocity offset and torque offset. The file of a joint without a
-    drive contains only its position.
+    The file of a joint with a drive contains the setpoints of the mode csp: position, velocity
+    offset and torque offset. The file of a joint without a drive contains only its position.
 
     Parameters
     ----------

@@ -77,8 +77,8 @@ def offset_checks(
     Yields
     ------
     LimitCheck
-        First one check of the velocity offset for each joint. Then, for each joint, a check of the
-        torque offset and a check of the motor torque.
+        First the check of the velocity offset of each joint with offsets. Then two checks per
+        joint: of its torque offset, and of its motor torque.
     """
     slopes = np.diff(q, axis=0) / np.diff(t)[:, None]
     qd = stream_velocities(t, q, offsets)

@@ -224,7 +224,8 @@ def _encoder_counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, 
     Raises
     ------
     ExportError
-        If neither the caller nor the motor file gives the number, or if it is below 1.
+        If both the caller and the motor file omit the number, or if the caller gives a number below
+        1.
     """
     if isinstance(counts_per_turn, Mapping):
         counts_per_turn = counts_per_turn.get(joint.name)
@@ -334,7 +335,7 @@ def pdo_mapping(mode: str) -> dict[str, list[JsonObject]]:
 
 
 def _pdo(mapping: int, communication: int, cob_id: int, keys: tuple[str, ...]) -> JsonObject:
-    """Describe one process data object (PDO), a CAN message with several objects, for the manifest.
+    """Return the entry of the manifest for one process data object (PDO).
 
     Parameters
     ----------
@@ -385,7 +386,7 @@ def homing_objects(axis: Axis, start: float) -> JsonObject:
     axis : Axis
         Axis of the joint.
     start : float
-        First target position of the joint, in increments. The robot stands there during homing.
+        First target position of the joint, in increments. The robot rests there during homing.
 
     Returns
     -------

@@ -318,7 +318,7 @@ def controller_rejections(
     Returns
     -------
     faults : list of str
-        Reasons for which the controller rejects the message, whatever its configuration.
+        Reasons for which the controller rejects the message in every configuration.
     remarks : list of str
         Behaviour that depends on the configuration of the controller.
     """

@@ -72,7 +72,7 @@ COLUMN_EXPLANATIONS = {
     "start": "first row: position and velocity that the axis must have at the start",
     "end": "last row: the target; the command that ends a table depends on the drive",
 }
-"""Explanations of the columns and of the motion between the rows, for the manifest."""
+"""Entry of the manifest that explains the columns and the motion between the rows."""
 UNTESTED_ASSUMPTIONS = (
     "the export was not tested on a drive: format and interpolation follow Elmo's SimplIQ manual "
     "(P 32, V 24, T 8 bits; ms, counts/s) and maxon's IPM application note for the EPOS2 (0x20C1); "
@@ -552,7 +552,7 @@ class _RowFit:
             Deviations of the positions from the plan, increments.
         w : (n,) array
             Deviations of the velocities from the plan, increments per mean time between rows. Both
-            arrays are 0 if the program has no solution.
+            arrays are 0 if the solver finds no solution.
         """
         from scipy import sparse
         from scipy.optimize import Bounds, LinearConstraint, milp

@@ -187,7 +187,7 @@ def _check_hashes(
     Returns
     -------
     frozenset of str
-        Names of all files in the manifest. Empty if there is no manifest.
+        Names of all files in the manifest. Empty without a manifest.
 
     Raises
     ------

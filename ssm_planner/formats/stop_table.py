@@ -4,10 +4,10 @@ A controlled stop brakes the robot along its path. The table contains the positi
 during the stops that begin at selected instants of the motion.
 
 `add_stops` reads the table. If the folder states velocities, the stops follow from the motion, so
-the reader computes them again and compares them with the table. If the folder states positions
-alone, the accelerations of the motion are not known. The stops of a robot with jerk limits depend
-on the limits of the task. In both cases, the reader checks the stops of the table as motions of
-their own.
+the reader computes them again and compares them with the table. There are two exceptions. If the
+folder states only positions, it does not determine the accelerations of the motion. The stops of a
+robot with jerk limits depend on the limits of the task. In both cases, the reader checks the stops
+of the table as separate motions.
 """
 
 import io
@@ -121,8 +121,8 @@ def add_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robot
     Returns
     -------
     Reading
-        The motion with the content that the table of stops must have. If the folder states
-        positions alone, also with the stops of the table.
+        The motion with the content that the table of stops must have. If the folder states only
+        positions, or if the robot has jerk limits, also with the stops of the table.
 
     Raises
     ------
