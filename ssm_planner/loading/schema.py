@@ -2,8 +2,9 @@
 
 A field of a value that is also a key of a file states its kind of quantity (`value.unit_kind`), its
 bounds and its default in its annotation. The function `build_class_model` reads these annotations,
-so that the loader needs no second list of keys. The modules that read a file only declare keys that
-have another form in the file. A `Reader` converts one value of a file to SI units and documents it.
+so that the keys need not be listed a second time. The modules that read a file only declare keys
+that have another form in the file. A `Reader` converts one value of a file to SI units and
+documents it.
 `validate_section` collects all faults of a file in one ProblemError.
 """
 
@@ -101,11 +102,8 @@ class Model(BaseModel):
             for value_type in cls.value_types
             for name, text in field_descriptions(value_type).items()
         }
-        # Descriptions of files omit shapes, None and SI units, because values state their units.
         return {
-            name: SI_UNIT_AT_END.sub("", re.sub(r",? ?\(3,\)", "", text)).replace(
-                "None:", "left out:"
-            )
+            name: SI_UNIT_AT_END.sub("", re.sub(r",? ?\(3,\)", "", text))
             for name, text in {**of_value, **field_descriptions(cls), **own_texts}.items()
         }
 
@@ -146,7 +144,8 @@ def check_keys(data: dict[Any, Any], allowed: list[str]) -> None:
     Raises
     ------
     PydanticCustomError
-        If a key is unknown or has no value. The message suggests the most similar key.
+        If a key is unknown or its value is empty. For an unknown key, the message suggests the most
+        similar key.
     """
     for key in data:
         if key not in allowed:
@@ -257,7 +256,7 @@ def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = Fa
 
 
 def positive_type(unit_kind: str) -> Any:
-    """Return the type of a quantity above zero, for a key of a model.
+    """Return the type of a key of a model whose value is a quantity above zero.
 
     `unit_kind` is the kind of quantity, a key of units.QUANTITY_KINDS.
     """
@@ -641,7 +640,7 @@ def reader_of_key(info: Any) -> Reader:
 def _nested_hints(hint: Any) -> Iterator[Any]:
     """Yield a type, and then all types that it contains at any depth.
 
-    Literals are not opened, and a nested model stands for itself.
+    The values of a Literal are not yielded. An annotation `Nested` is replaced by its model.
     """
     yield hint.model if isinstance(hint, Nested) else hint
     for inner in (
