@@ -36,14 +36,15 @@ T = TypeVar("T", Motor, Drive, Gearhead)
 LARGEST_CATALOGUE = 10_000
 """Largest number of entries."""
 MOTOR_COLUMNS = {"weight": "mass", "chart_max_torque": "max_torque"}
-"""Columns of motor tables whose name differs from the key in motor files, with this key.
+"""Keys in motor files, by name of the column, for columns of motor tables with other names.
 
-The torque at the end of a chart is not a rating, and its source states this.
+`chart_max_torque` is the torque at the end of a chart, which is not a rating. Its source states
+this.
 """
 SIZE_COLUMNS = {"mass": "mass", "length": "length"}
-"""Columns of the mass and the length of an entry.
+"""Kinds of quantities of the columns with the mass and the length of an entry.
 
-Each has the kind of its quantity, a key of `units.QUANTITY_KINDS`.
+The kinds are keys of `units.QUANTITY_KINDS`.
 """
 TEXT_COLUMNS = {"name", "order_number"}
 """Columns that contain texts even if their cells consist of digits."""
@@ -78,7 +79,7 @@ class CatalogueRow:
 
     @property
     def default_source(self) -> str:
-        """Source of the figures in a row that has no column `source`."""
+        """Source of the figures in a row without the column `source`."""
         return f"{self.file.name}, {self.label}"
 
 
@@ -166,9 +167,9 @@ def drives_with_gears(path: Path, drive: Drive, travel: float = 0.0) -> list[Cat
     """Read the gears of a catalogue, and return a drive with each of them.
 
     A row of a CSV table replaces the gear of the joint's present drive. Friction and inertias that
-    the row does not state are taken from the present drive, but its ratings are not. Rows with
-    another kind of gear are ignored. A YAML file describes a complete drive, but the present drive
-    decides whether the joint must be self-locking.
+    the row does not state are taken from the present drive, and of its ratings only those in
+    `ROBOT_RATINGS`. Rows with another kind of gear are ignored. A YAML file describes a complete
+    drive, but the present drive decides whether the joint must be self-locking.
 
     Parameters
     ----------
@@ -182,7 +183,7 @@ def drives_with_gears(path: Path, drive: Drive, travel: float = 0.0) -> list[Cat
     Returns
     -------
     list of CatalogueEntry
-        Drives with the gears of the catalogue. Empty if the table is CSV and the drive has no
+        Drives with the gears of the catalogue. Empty for a CSV table if the present drive lacks a
         thread.
 
     Raises
@@ -257,8 +258,8 @@ def _nest_keys(cells: JsonObject, values: JsonObject) -> JsonObject:
 def _has_dimensions_of(row: CatalogueRow, kind: type[Transmission]) -> bool:
     """Return True if the columns of a row are dimensions of one kind of drive.
 
-    A kind with distinctive dimensions requires at least one of them. Any other kind requires that
-    the row has no distinctive dimension of another kind.
+    A kind with distinctive dimensions requires at least one of them. Any other kind requires a row
+    without the distinctive dimensions of other kinds.
     """
     columns = {name.removeprefix("geometry.") for name in row.cells if "geometry." in name}
     if kind.distinctive:
@@ -269,7 +270,7 @@ def _has_dimensions_of(row: CatalogueRow, kind: type[Transmission]) -> bool:
 def find_catalogue(path: Path) -> Path:
     """Return the file or folder of a catalogue, given its path or its shipped name.
 
-    Raises ProblemError if neither exists.
+    Raises ProblemError if the catalogue does not exist.
     """
     shipped = shipped_folder() / "catalogues" / path.name
     with suppress(OSError, ValueError):  # a name can be too long for a file
@@ -335,7 +336,8 @@ def _sections(path: Path, content: Callable[[CatalogueRow], JsonObject]) -> dict
     Returns
     -------
     dict of Section
-        Sections by order number or name or, for a folder, by the stem of the file name.
+        Sections by name of the entry. In a folder, it is the stem of the file name. In a table, it
+        is the order number or, without one, the name.
 
     Raises
     ------
@@ -356,7 +358,7 @@ C = TypeVar("C")
 def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
     """Return the entries of a catalogue unchanged.
 
-    Raises ProblemError if there are no entries, or more than `LARGEST_CATALOGUE`.
+    Raises ProblemError if the catalogue is empty or has more than `LARGEST_CATALOGUE` entries.
     """
     if not 0 < len(named_entries) <= LARGEST_CATALOGUE:
         raise ProblemError(
@@ -468,8 +470,8 @@ def _drive_for_joint(section: Section, drive: Drive, travel: float) -> Drive:
 def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
     """Return a drive with the gear of a row and the friction of the given drive.
 
-    The row replaces the geometry and the ratings. Inertias and coefficients of friction that the
-    row does not state are those of the given drive.
+    The row replaces the geometry and the ratings. Inertias, coefficients of friction and the
+    ratings in `ROBOT_RATINGS` that the row does not state are those of the given drive.
 
     Parameters
     ----------

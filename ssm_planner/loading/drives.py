@@ -78,7 +78,7 @@ def _parse_numbers(value: Any) -> tuple[float, ...]:
     """Read a text of finite numbers in SI units that are separated by spaces.
 
     The posterior in a drive file contains many numbers, so that a list with units would be too
-    long. Raises a pydantic error if the text contains no number or anything else.
+    long. Raises a pydantic error if the text is empty or contains anything else.
     """
     try:
         numbers = tuple(float(text) for text in value.split())

@@ -56,7 +56,7 @@ def find_file(name: str | Path, folder: ShippedFolder) -> Path:
     Raises
     ------
     ProblemError
-        If neither exists. The message suggests a similar name.
+        If no file has this path or this shipped name. The message suggests a similar name.
     """
     path = Path(name)
     names = shipped_files(folder)

@@ -139,8 +139,10 @@ def load_motor(name: str | Path) -> Motor:
     return motor_from(read_section(find_file(name, "motors")))
 
 
-def _joint_models(cls: Any) -> Any:
-    """Return the model of an optional mapping from joint names to instances of a class.
+def _values_by_joint_model(cls: Any) -> Any:
+    """Return the model of a mapping from joint names to instances of a class.
+
+    Every joint is optional.
 
     Parameters
     ----------
@@ -150,14 +152,14 @@ def _joint_models(cls: Any) -> Any:
     return joint_mapping_model(lambda slides: build_class_model(cls, slides=slides))
 
 
-_AxisModels = _joint_models(AxisController)
-_ComplianceModels = _joint_models(JointCompliance)
+_AxesModel = _values_by_joint_model(AxisController)
+_ComplianceModel = _values_by_joint_model(JointCompliance)
 ControllerModel = build_class_model(
     Controller,
     {
         "source": SOURCE_KEY,
-        "joints": (nested_type(_AxisModels), _AxisModels()),
-        "compliance": (nested_type(_ComplianceModels), _ComplianceModels()),
+        "joints": (nested_type(_AxesModel), _AxesModel()),
+        "compliance": (nested_type(_ComplianceModel), _ComplianceModel()),
     },
 )
 """Model of a controller file. Every key is optional."""

@@ -18,6 +18,7 @@ from ssm_planner.loading.path_file import path_from
 from ssm_planner.loading.schema import (
     Model,
     Nested,
+    Reader,
     Text,
     build_class_model,
     build_keys_model,
@@ -31,7 +32,6 @@ from ssm_planner.loading.schema import (
     required_key,
     vector_reader,
 )
-from ssm_planner.loading.schema import Reader as Reader
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import (
     LARGEST_SCAN_GRID,
@@ -284,7 +284,7 @@ class MotionKey:
     description: str
     """Meaning of the key, for schema and reference."""
     value_type: Any
-    """Type of the value in the file, such as `nested(model_of(cls))` for the fields of a class."""
+    """Type of the value in the file, such as `nested_type(build_class_model(cls))`."""
     motions: Callable[[Section, Any], Iterable[Motion]]
     """Function that returns the motions that a value describes.
 
@@ -383,7 +383,7 @@ def _dwell_motions(section: Section, duration: float) -> Iterator[Motion]:
 
 
 def _scan_motions(section: Section, model: Any) -> Iterator[Motion]:
-    """Build the motion of the key `scan`, which visits a pattern of spots on the retina.
+    """Yield the motion of the key `scan`, which visits a pattern of spots on the retina.
 
     Parameters
     ----------
@@ -567,8 +567,8 @@ def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
 def stated_coordinates(model: Any) -> dict[str, float]:
     """Return the task coordinates, or the rates of them, that a section of a file states.
 
-    The result has no entry for a coordinate that the section omits, and none for the spin if the
-    section leaves its value to the planner (`spin: free`).
+    Coordinates that the section omits are absent from the result. So is the spin if the section
+    leaves its value to the planner (`spin: free`).
 
     Parameters
     ----------

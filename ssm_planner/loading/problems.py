@@ -39,6 +39,7 @@ from ssm_planner.loading.schema import (
     POSITIVE,
     UNBOUNDED,
     Axis,
+    Reader,
     Reference,
     Text,
     build_class_model,
@@ -54,7 +55,6 @@ from ssm_planner.loading.schema import (
     required_key,
     validate_section,
 )
-from ssm_planner.loading.schema import Reader as Reader
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import (
     TASK_COORDINATES,
@@ -117,7 +117,9 @@ LensModel = build_class_model(
 EyeModel = build_class_model(Eye, {"lens": optional_key(nested_type(LensModel))})
 
 
-_Percentage = Reader(units.parse_share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
+_PERCENTAGE_READER = Reader(
+    units.parse_share, {"type": ["string", "number"]}, ("number",), "such as 95 %"
+)
 _TOOL_KEYS = {
     kind.field: optional_key(
         _tool_limit_type(kind), " ".join(str(kind.__doc__).partition("Examples")[0].split())
@@ -130,7 +132,7 @@ _RATE_KEYS = {
 }
 _MARGIN_KEYS = {
     "friction": optional_key(
-        Annotated[Any, _Percentage],
+        Annotated[Any, _PERCENTAGE_READER],
         "Confidence level of the drives' friction for which motor torques hold.",
     ),
     "payload": optional_key(
@@ -199,7 +201,8 @@ def problem_model(motion_keys: tuple[str, ...]) -> Any:
             nested_type(OverridesModel), "Limits of joints instead of the robot's."
         ),
         "speed": optional_key(
-            Annotated[Any, _Percentage], "Share of the largest joint velocities, such as 30 %."
+            Annotated[Any, _PERCENTAGE_READER],
+            "Share of the largest joint velocities, such as 30 %.",
         ),
         "mounting": optional_key(
             Rotations,

@@ -81,8 +81,8 @@ def _parse_rotations(value: object) -> tuple[tuple[str, float | str], ...]:
         axis, _, angle = item.strip().partition(" ") if isinstance(item, str) else ("", "", "")
         if axis not in ("x", "y", "z"):
             raise invalid_value(f"{item!r} does not start with x, y or z", allowed)
-        follows = angle.strip().removeprefix("-") in ANGLE_NAMES
-        chain.append((axis, angle.strip() if follows else units.parse_quantity(angle, "angle")))
+        is_name = angle.strip().removeprefix("-") in ANGLE_NAMES
+        chain.append((axis, angle.strip() if is_name else units.parse_quantity(angle, "angle")))
     return tuple(chain)
 
 
@@ -657,19 +657,8 @@ def _check_gyration(section: Section, body: Body) -> Body:
 def _body_from_parts(section: Section, model: Any, placement: _BodyPlacement) -> Body:
     """Build a body whose mass and inertia are the sums over its parts.
 
-    Parameters
-    ----------
-    section : Section
-        Part of the file that describes the body.
-    model : object
-        The validated section.
-    placement : _BodyPlacement
-        Position of the body in the robot.
-
-    Raises
-    ------
-    ProblemError
-        If a value is invalid, or if the file also states the mass or the inertia.
+    The parameters are those of `_body_from`. Raises ProblemError if a value is invalid, or if the
+    file also states the mass, the centre of mass or the inertia.
     """
     for key in ("mass", "com", "inertia", "products_of_inertia"):
         if section.has_key(key):
@@ -702,7 +691,7 @@ def _solid_moments(section: Section, model: Any, placement: _BodyPlacement) -> s
 
     Returns
     -------
-    Moments
+    MassMoments
         Moments about the origin of the body frame.
 
     Raises
@@ -828,7 +817,7 @@ def _sign_hint(model: Any, tensor: Array) -> str:
     Returns
     -------
     str
-        End of the message. It is empty if the file states no sign convention.
+        End of the message. Empty if the file does not state a sign convention.
     """
     convention = model.products_of_inertia
     if convention is None:
