@@ -331,7 +331,7 @@ class Drive(Value):
     placeholders: tuple[str, ...] = ()
     """Names of the figures that replace unknown ones. `sources` states the reason."""
     rig: Rig | None = None
-    """Rig of a drive on a test rig, otherwise None."""
+    """Test rig of the drive, or None for a drive that is not on a rig."""
     file: str | None = uncompared_field()
     ratings: Ratings | None = None
     """Manufacturer's ratings. Without them, the gear is not checked."""
@@ -489,14 +489,15 @@ class Drive(Value):
         if self.friction_ranges.get("mu", (lowest,))[0] < lowest:
             lowest = self.friction_ranges["mu"][0]
             field = "friction_ranges.mu"
-        repose = math.atan(lowest / math.cos(self.pressure_angle))
-        if self.self_locking and repose <= self.lead_angle:
+        friction_angle = math.atan(lowest / math.cos(self.pressure_angle))
+        if self.self_locking and friction_angle <= self.lead_angle:
             required_mu = math.tan(self.lead_angle) * math.cos(self.pressure_angle)
             raise self._field_error(
                 field,
                 "the drive is not self-locking: lead angle λ = "
                 f"{math.degrees(self.lead_angle):.4g} deg, "
-                f"friction angle φ_f = {math.degrees(repose):.4g} deg, and φ_f must be larger",
+                f"friction angle φ_f = {math.degrees(friction_angle):.4g} deg, "
+                "and φ_f must be larger",
                 f"mu above {required_mu:.4g}, or self_locking: not required",
                 lowest,
             )

@@ -191,7 +191,7 @@ class SymmetricLimit(Limit):
         return self.largest
 
     def tightened(self, worst: float, bound: float) -> "Self | None":
-        # (bound / worst)^TIGHTENING is never 0, however large the excess
+        # (bound / worst)^TIGHTENING_FACTOR is never 0, however large the excess
         return replace_fields(
             self, largest=self.largest * min(abs(bound / worst), 1.0) ** TIGHTENING_FACTOR
         )

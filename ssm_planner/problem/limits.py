@@ -2,8 +2,8 @@
 
 A limit belongs to the robot, its motors and drives, the task or the eye. The planner converts
 limits to constraints, and the check evaluates them on the planned motion. The base classes in
-`limit.py` define what a limit must provide. `Limited` is the base of all values that contain
-limits.
+`limit.py` state the properties and methods that a limit must have. `Limited` is the base of all
+values that contain limits.
 """
 
 from abc import abstractmethod
@@ -31,7 +31,8 @@ TASK_COORDINATES = ("roll", "tilt", "spin", "depth")
 STOP_RESERVE = 2e-3
 """Relative reserve of a limit on the travel of stops.
 
-The limit is tightened by this share in addition to the excess. `sufficient_bound` adds twice it.
+The limit is tightened by this share in addition to the excess. `sufficient_bound` adds twice this
+share.
 """
 FEASIBILITY_RESERVE = 5e-3
 """Relative amount by which a torque or acceleration limit exceeds the smallest necessary value.
@@ -144,7 +145,7 @@ class MotorSpeed(MotorLimit):
 MESSAGE_UNITS = {MotorSpeed.name: "rpm"}
 """Units of limits in messages, by the name of the limit.
 
-Other limits have the default unit of their SI unit.
+Messages state other limits in the default unit for their SI unit.
 """
 
 
@@ -684,7 +685,7 @@ class Jump(FixedLimit):
 
 @frozen
 class EndVelocity(FixedLimit):
-    """Largest error of a joint's velocity at an end, relative to the declared velocity."""
+    """Largest difference between a joint's velocity at an end and the declared velocity."""
 
     order = 1
     at_end: bool = False
@@ -700,9 +701,9 @@ OFFSET_NAMES = ("velocity offset", "torque offset")
 
 @frozen
 class FeedForward(FixedLimit):
-    """Largest error of an exported feed-forward value of a drive, relative to its target positions.
+    """Largest difference between an offset of a drive and the values that its positions allow.
 
-    The value is the velocity offset or the torque offset.
+    The offset is the exported velocity offset or torque offset.
     """
 
     of_torque: bool = False
@@ -801,7 +802,7 @@ def sorted_task_limits(limits: Iterable[Limit], location: str = "limits") -> tup
 def _joint_named(problem: Any, name: str) -> Any:
     """Return the joint of a problem with a given name.
 
-    Raises ProblemError if the problem has no such joint.
+    Raises ProblemError if the name is unknown.
     """
     for joint in problem.robot.joints:
         if joint.name == name:

@@ -33,7 +33,7 @@ SINGLE_COORDINATE_MOTIONS = ("roll", "tilt", "spin", "insert")
 SMALLEST_BLEND = 1e-5
 """Smallest blend distance, m.
 
-With smaller ones the robot almost stops in the corner, and planning takes minutes.
+At a smaller distance, the robot almost stops in the corner, and planning takes minutes.
 """
 
 
@@ -215,7 +215,7 @@ class Follow(Value):
     kind: ClassVar[str] = "path"
     to: Point
     through: tuple[Point, ...] = ()
-    """Points of the curve in order. An arc has exactly one such point. A line has 0."""
+    """Points of the curve in order: exactly one for an arc, and 0 for a line or the retina."""
     name: str = "path"
     curve: Literal["spline", "samples", "line", "arc", "retina"] = "spline"
     """Name of the curve.
@@ -300,7 +300,7 @@ def _check_blend(motion: Straight | Follow) -> None:
 
 
 def _check_stated_points(motion: Free | Follow) -> None:
-    """Raise ProblemError if a point of a motion states no coordinate at all."""
+    """Raise ProblemError if a point of a motion does not state a single coordinate."""
     for i, point in enumerate((*motion.through, motion.to)):
         if isinstance(point, Task) and not point.set_coordinates:
             key = "to" if i == len(motion.through) else f"through[{i}]"

@@ -278,7 +278,7 @@ class TaskLimits(Limited):
     def declared_rates(self) -> dict[str, dict[str, float]]:
         """Rates of task coordinates at both ends, by the key of a problem or a manifest.
 
-        An end with arbitrary rates is absent.
+        The mapping of an end is empty if the motion rests there or may have any rates.
         """
         return {"start_rate": dict(self.start_rate or {}), "end_rate": dict(self.end_rate or {})}
 
@@ -702,11 +702,11 @@ class Problem(Value, Limited):
             )
 
     def _check_for_toppra(self) -> None:
-        """Raise ProblemError if only TOPP-RA can plan a motion, and if it cannot keep a request.
+        """Raise ProblemError if only TOPP-RA can plan a motion, but does not support a request.
 
-        TOPP-RA computes the fastest timing along a given path. It supports neither limits on the
-        jerk, nor a requested duration, nor the objective "effort". It plans all motions of the
-        planner `toppra`, and for every planner the motions at constant speed, tables of points, and
+        TOPP-RA computes the fastest timing along a given path. It does not support jerk limits,
+        requested durations or the objective "effort". It plans all motions of the planner
+        `toppra`. With every planner, it plans motions at constant speed, tables of points, and
         splines through many points.
         """
         requests = [f"a jerk limit of joint {name}" for name in self.robot.jerk_limited]

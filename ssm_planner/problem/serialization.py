@@ -48,7 +48,7 @@ JSON_PRIMITIVES = {type(None), bool, int, float, str}
 LATER_FIELDS = ("no_load_current", "gearhead", "belt")
 """Fields that earlier versions of this program did not have.
 
-They are omitted if they have no value, so that the hash of a robot in an older certificate remains
+They are omitted if they are None, so that the hash of a robot in an older certificate remains
 valid.
 """
 

@@ -156,7 +156,7 @@ class Worm(_Thread):
 
     @classmethod
     def effort_arm(cls, dimensions: Dimensions) -> float:
-        """Return the quotient of the diameters of worm and wheel, which has no unit."""
+        """Return the quotient of the diameters of worm and wheel, a number without a unit."""
         return dimensions["worm_diameter"] / dimensions["wheel_diameter"]
 
 
