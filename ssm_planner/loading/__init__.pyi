@@ -2,20 +2,20 @@
 
 from .catalogues import (
     CatalogueEntry as CatalogueEntry,
+    catalogue_sizes as catalogue_sizes,
+    drives_with_gears as drives_with_gears,
+    number_or_text as number_or_text,
     read_catalogue as read_catalogue,
     read_gearheads as read_gearheads,
-    drives_with_gears as drives_with_gears,
     read_motors as read_motors,
-    number_or_text as number_or_text,
-    catalogue_sizes as catalogue_sizes,
 )
 from .drives import drive_from as drive_from, drive_model as drive_model
 from .files import (
     find_file as find_file,
     follow_reference as follow_reference,
+    read_section as read_section,
     section_from_data as section_from_data,
     section_from_text as section_from_text,
-    read_section as read_section,
     shipped_folder as shipped_folder,
 )
 from .json_files import parse_json as parse_json, read_json_in_parts as read_json_in_parts
@@ -33,9 +33,9 @@ from .motors import motor_from as motor_from
 from .problems import problem_from as problem_from
 from .robots import robot_from as robot_from
 from .schema import (
-    Reader as Reader,
     Key as Key,
     Model as Model,
+    Reader as Reader,
     Reference as Reference,
     Text as Text,
     describe_keys as describe_keys,

@@ -1,4 +1,4 @@
-"""Names of the problem that other packages use, by the module that defines them."""
+"""Names of `problem` that other packages use, by the module that defines them."""
 
 from .controller import (
     AxisController as AxisController,
@@ -6,9 +6,9 @@ from .controller import (
     JointCompliance as JointCompliance,
 )
 from .drive import (
+    EFFICIENCY_LEAD_ANGLE as EFFICIENCY_LEAD_ANGLE,
     FRICTION_PARAMETERS as FRICTION_PARAMETERS,
     RANGE_PARAMETERS as RANGE_PARAMETERS,
-    EFFICIENCY_LEAD_ANGLE as EFFICIENCY_LEAD_ANGLE,
     Drive as Drive,
     Friction as Friction,
     FrictionLawName as FrictionLawName,
@@ -22,8 +22,8 @@ from .limit import SymmetricLimit as SymmetricLimit, format_quantity as format_q
 from .limits import (
     END_VELOCITY_NAMES as END_VELOCITY_NAMES,
     JUMP_NAMES as JUMP_NAMES,
-    PATH_REQUIREMENTS as PATH_REQUIREMENTS,
     MESSAGE_UNITS as MESSAGE_UNITS,
+    PATH_REQUIREMENTS as PATH_REQUIREMENTS,
     TASK_COORDINATES as TASK_COORDINATES,
     ConstantSpeed as ConstantSpeed,
     ContinuousTorque as ContinuousTorque,
@@ -42,8 +42,8 @@ from .limits import (
     MotorSpeed as MotorSpeed,
     MotorTorque as MotorTorque,
     NutContact as NutContact,
-    PathRequirement as PathRequirement,
     PathDeparture as PathDeparture,
+    PathRequirement as PathRequirement,
     RetinaClearance as RetinaClearance,
     RetinaDistance as RetinaDistance,
     SelfLocking as SelfLocking,
@@ -55,8 +55,8 @@ from .limits import (
     ToolLimit as ToolLimit,
 )
 from .motion import (
-    SINGLE_COORDINATE_MOTIONS as SINGLE_COORDINATE_MOTIONS,
     LARGEST_SCAN_GRID as LARGEST_SCAN_GRID,
+    SINGLE_COORDINATE_MOTIONS as SINGLE_COORDINATE_MOTIONS,
     TIP_CURVES as TIP_CURVES,
     Dwell as Dwell,
     Follow as Follow,
@@ -75,11 +75,11 @@ from .motion import (
 from .motor import Motor as Motor
 from .posterior import (
     CONFIDENCE as CONFIDENCE,
-    UNCERTAIN_PARAMETERS as UNCERTAIN_PARAMETERS,
+    FRICTION_LAWS as FRICTION_LAWS,
     LAW_COLUMN as LAW_COLUMN,
     LAW_PARAMETERS as LAW_PARAMETERS,
-    FRICTION_LAWS as FRICTION_LAWS,
     LOAD_OFFSET as LOAD_OFFSET,
+    UNCERTAIN_PARAMETERS as UNCERTAIN_PARAMETERS,
     Harmonics as Harmonics,
     Posterior as Posterior,
     Reaction as Reaction,
@@ -106,10 +106,10 @@ from .robot import (
     unit_vector as unit_vector,
 )
 from .serialization import (
-    to_plain as to_plain,
     problem_from_plain as problem_from_plain,
     robot_hash as robot_hash,
     robot_text as robot_text,
+    to_plain as to_plain,
 )
 from .transmissions import TRANSMISSIONS as TRANSMISSIONS, Transmission as Transmission
 from .value import (
@@ -119,12 +119,12 @@ from .value import (
     NotNegative as NotNegative,
     Shape as Shape,
     Value as Value,
-    get_attributes as get_attributes,
     check_mapping as check_mapping,
     convert_value as convert_value,
     field_descriptions as field_descriptions,
     field_hints as field_hints,
     field_quantities as field_quantities,
+    get_attributes as get_attributes,
     strip_annotations as strip_annotations,
     unchecked_copy as unchecked_copy,
     unit_kind as unit_kind,
