@@ -14,7 +14,7 @@ from ssm_planner.cli.shared import (
     FAILED,
     OK,
     UNJUDGED,
-    parse_quantity,
+    parse_option_quantity,
     parse_speed,
     print_result,
     progress_reporter,
@@ -372,7 +372,7 @@ def _parse_rates(option: str, text: str) -> dict[str, float] | None:
             allowed = f"any, or {', '.join(TASK_COORDINATES)}"
             raise ProblemError("unknown task coordinate", key=option, value=entry, allowed=allowed)
         quantity_kind = "velocity" if name == "depth" else "angular_velocity"
-        rates[name] = parse_quantity(option, value.strip(), quantity_kind, entry)
+        rates[name] = parse_option_quantity(option, value.strip(), quantity_kind, entry)
     return rates
 
 

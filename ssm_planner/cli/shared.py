@@ -153,7 +153,7 @@ def _argument_settings(row: Mapping[str, str]) -> Keywords:
     return settings
 
 
-def parse_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:
+def parse_option_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:
     """Convert a quantity that is part of an option's value.
 
     Parameters
@@ -191,7 +191,7 @@ def parse_speed(text: str) -> float:
 
     `10%`, `10 %` and `0.1` all give 0.1. Raises ProblemError for other texts.
     """
-    return parse_quantity("--speed", text, "share")
+    return parse_option_quantity("--speed", text, "share")
 
 
 REPORT_INTERVAL = 1.0

@@ -8,7 +8,7 @@ from ssm_planner.cli.shared import (
     FAILED,
     OK,
     fill_in_template,
-    parse_quantity,
+    parse_option_quantity,
     print_result,
     progress_reporter,
     write_results,
@@ -74,8 +74,8 @@ def scenario_from_options(options: Namespace) -> ssm.Scenario:
     payload_time = 0.0
     if options.payload is not None:
         mass, separator, time = options.payload.partition("@")
-        payload = parse_quantity("--payload", mass, "mass")
-        payload_time = parse_quantity("--payload", time, "time") if separator else 0.0
+        payload = parse_option_quantity("--payload", mass, "mass")
+        payload_time = parse_option_quantity("--payload", time, "time") if separator else 0.0
     stall = None
     if options.stall is not None:
         joint, separator, time = options.stall.partition("@")
@@ -86,10 +86,10 @@ def scenario_from_options(options: Namespace) -> ssm.Scenario:
                 value=options.stall,
                 allowed="JOINT@TIME, such as tilt@1s",
             )
-        stall = (joint, parse_quantity("--stall", time, "time"))
+        stall = (joint, parse_option_quantity("--stall", time, "time"))
     power_loss = options.power_loss
     if power_loss is not None and power_loss != EVERYWHERE:
-        power_loss = parse_quantity("--power-loss", power_loss, "time")
+        power_loss = parse_option_quantity("--power-loss", power_loss, "time")
     if options.instants < 1:
         raise ProblemError(
             "invalid number", key="--instants", value=options.instants, allowed="1 or more"
