@@ -57,14 +57,14 @@ VERDICT_LABELS = {True: "yes", False: "NO", None: "not known"}
 """Word for each value of an `adequate` entry. None means that data are missing."""
 MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
 """Checks of a motor whose margins appear in tables."""
-KELVIN = 273.15
+ZERO_CELSIUS = 273.15
 """0 °C in K."""
 LOWER_BOUND_LIMITS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
 """Limits below which a quantity must not fall. All other limits are upper bounds or ranges."""
 ACTIVE_MARGIN = 0.005
 """Largest margin with which a limit counts as active, that is, as reached by the fastest motion.
 
-The plots of the report use the same value.
+The plots of the report use it as well, relative to a limit or to half the width of a range.
 """
 CHECK_BY_RATING = {
     "max_torque": "torque",
@@ -155,9 +155,8 @@ class Table:
         for i, heading in enumerate(self.header):
             cells = [row[i] for row in self.rows]
             unbroken = " ".join([heading] + cells).split()
-            if (
-                i in self.numeric_columns
-            ):  # Numbers stay on one line, but their headings may be wrapped.
+            # Numbers stay on one line, but their headings may be wrapped.
+            if i in self.numeric_columns:
                 unbroken += cells
             widths.append(max(map(len, [heading] + cells)))
             smallest.append(max(map(len, unbroken), default=0))
@@ -403,7 +402,8 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
 def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = False) -> list[str]:
     """Return the summary of a plan as lines of text.
 
-    The last lines are those of `answer_lines`. If there is no motion, the lines state the reason.
+    The last lines are those of `answer_lines`. For a plan without a motion, the lines state the
+    reason instead.
 
     Parameters
     ----------
@@ -570,8 +570,8 @@ def range_lines(plan: "Plan") -> Iterator[str]:
     A problem may contain a range of the friction and a range of the payload for which the motion
     must keep the motor torque limits. The first line states these ranges, and by how many per cent
     the motion takes longer than without them. A further line for each motor states the combination
-    of friction and payload with the smallest torque margin. There is no line if the problem does
-    not contain ranges.
+    of friction and payload with the smallest torque margin. Without such ranges, the function
+    yields nothing.
 
     Parameters
     ----------
@@ -1112,7 +1112,7 @@ def _winding_temperature(verdict: MotorVerdict) -> str:
     if verdict.heat is None:
         return MISSING_VALUE
     hottest = verdict.heat.winding
-    return "no steady state" if hottest is None else f"{hottest - KELVIN:.0f} °C"
+    return "no steady state" if hottest is None else f"{hottest - ZERO_CELSIUS:.0f} °C"
 
 
 def _gears_table(sizing: Sizing) -> Table:
@@ -1139,7 +1139,9 @@ def _motor_notes(sizing: Sizing) -> Iterator[str]:
     for verdict in sizing.verdicts + sizing.alternatives:
         heat = verdict.heat
         if heat is not None and heat.time_until_limit is not None:
-            duration = f"reaches {heat.limit - KELVIN:.0f} °C after {heat.time_until_limit:.4g} s"
+            duration = (
+                f"reaches {heat.limit - ZERO_CELSIUS:.0f} °C after {heat.time_until_limit:.4g} s"
+            )
             yield f"joint {verdict.joint}, {verdict.motor.name}: the winding {duration}"
         notes |= dict.fromkeys(verdict.notes)
     yield from notes

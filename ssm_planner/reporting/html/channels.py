@@ -30,6 +30,7 @@ from ssm_planner.problem import (
     TaskLimits,
     TipSpeed,
 )
+from ssm_planner.reporting.text import ZERO_CELSIUS
 from ssm_planner.sizing import (
     THERMAL_DATA,
     Conditions,
@@ -47,8 +48,6 @@ from ssm_planner.typing import Array, Arrays
 
 SAMPLE_RATE, MIN_SAMPLES, MAX_SAMPLES = 400.0, 1200, 4000
 """Samples per second of motion in a page, and the smallest and largest number of samples."""
-ZERO_CELSIUS = 273.15
-"""0 °C in K."""
 EYE_CHANNELS = {RetinaClearance.name: "retina", LensClearance.name: "lens"}
 """Name of the channel of each clearance in the eye."""
 

@@ -35,7 +35,8 @@ from ssm_planner.problem import (
     TaskRate,
 )
 from ssm_planner.reporting.figures.style import display_unit_of
-from ssm_planner.reporting.html.channels import ZERO_CELSIUS, plotted_speeds
+from ssm_planner.reporting.html.channels import plotted_speeds
+from ssm_planner.reporting.text import ACTIVE_MARGIN, ZERO_CELSIUS
 from ssm_planner.sizing import (
     THERMAL_DATA,
     TORQUE_COMPONENTS,
@@ -51,11 +52,6 @@ Panel = JsonObject
 """A plot on the page, as JSON types. `new_panel` lists its keys."""
 CoordinateLimit = TypeVar("CoordinateLimit", TaskRange, TaskRate)
 """Class of limits that apply to one task coordinate."""
-ACTIVE_TOLERANCE = 0.005
-"""Largest distance of a quantity from a limit that counts as active.
-
-It is relative to the limit, or to half the width of a range.
-"""
 MAX_MERGED_GAP = 0.01
 """Gap between two active intervals below which they are merged, s."""
 COORDINATE_GROUPS = (([0, 1, 2], "rad", "Task: roll, tilt, spin"), ([3], "m", "Task: depth"))
@@ -116,7 +112,7 @@ def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
 
 
 def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, int]]) -> Panel:
-    """Build the description of a plot (panel) that has no limits yet.
+    """Build the description of a plot (panel) whose limits are added later.
 
     Parameters
     ----------
@@ -173,7 +169,7 @@ def new_limit_entry(
         Name of the plotted quantity to which the limit applies. The page marks the intervals in
         which this quantity is at the limit. None marks no intervals.
     size : float, optional
-        Value to which the tolerance `ACTIVE_TOLERANCE` refers. The default is the limit itself, or
+        Value to which the tolerance `ACTIVE_MARGIN` refers. The default is the limit itself, or
         half the width of a range.
 
     Returns
@@ -275,7 +271,7 @@ def active_intervals(
     low, high : float
         Bounds of the quantity. They may be infinite.
     size : float, optional
-        Value to which the tolerance `ACTIVE_TOLERANCE` refers. The default is the bound itself. If
+        Value to which the tolerance `ACTIVE_MARGIN` refers. The default is the bound itself. If
         both bounds are finite, the tolerance always refers to half of their distance.
 
     Yields
@@ -287,9 +283,9 @@ def active_intervals(
     """
     for side, bound in ((1, high), (-1, low)):
         if np.isfinite(bound):
-            tolerance = ACTIVE_TOLERANCE * (abs(bound) if size is None else size)
+            tolerance = ACTIVE_MARGIN * (abs(bound) if size is None else size)
             if np.isfinite(low) and np.isfinite(high):
-                tolerance = ACTIVE_TOLERANCE / 2 * (high - low)
+                tolerance = ACTIVE_MARGIN / 2 * (high - low)
             with np.errstate(invalid="ignore"):
                 active = side * (bound - values) <= tolerance
             for start, end in _merged_runs(t, active):
