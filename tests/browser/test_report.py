@@ -544,7 +544,7 @@ def test_numbers_of_an_axis_keep_their_minus(visit: Open, simulation: Path) -> N
       const pen = document.createElement("canvas").getContext("2d");
       pen.font = "12px system-ui, sans-serif";
       return ["0", "−0.0025", "−0.000025", "−1.234e+10"].filter((text) =>
-        SSM.axis("", SSM.room).size(null, [text]) < pen.measureText(text).width + 10);
+        SSM.axis("", SSM.axisWidth).size(null, [text]) < pen.measureText(text).width + 10);
     }""")
         == []
     )

@@ -47,7 +47,7 @@ SSM.Plots = class {
       legend: { show: false },
       cursor: { y: false, points: { show: false }, drag: { x: true, y: false } },
       scales: { x: { time: false }, y: { range } },
-      axes: [SSM.axis("", 34, "s"), SSM.axis("", SSM.room)],
+      axes: [SSM.axis("", 34, "s"), SSM.axis("", SSM.axisWidth)],
       series: [{}, ...lines.map(({ colour, dash, label }) => (
         { stroke: () => SSM.canvasColour(colour), width: 1.8, dash, label, pxAlign: 0, points: { show: false } }))],
       hooks: {
@@ -205,7 +205,7 @@ SSM.describeOutsideLimits = (panel) => {
 const short = (value) => (Math.abs(value) < 1e-9 ? "0" : rounded(value, 4));
 
 // Return the width of a vertical axis, so that its longest number fits.
-SSM.room = (u, values) => Math.max(52, ...(values ?? []).map((text) => 1.1 * SSM.textMeasure.measureText(text).width + 14));
+SSM.axisWidth = (u, values) => Math.max(52, ...(values ?? []).map((text) => 1.1 * SSM.textMeasure.measureText(text).width + 14));
 
 SSM.axis = (label, size, unit = "") => ({
   size,

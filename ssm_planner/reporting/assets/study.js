@@ -42,10 +42,10 @@ const ticks = ([low, high]) => {
 };
 const label = (of, value, digits = 5) => (of.labels ? of.labels[value] : rounded(value, digits));
 // Return the longest form of a title that fits: whole, without the path before its last word, or truncated.
-const shortened = (context, title, room) => {
+const shortened = (context, title, width) => {
   const lastWord = title.replace(/^\S*\./, "");
   const cut = Array.from({ length: lastWord.length }, (_, n) => `${lastWord.slice(0, lastWord.length - n)}…`);
-  return [title, lastWord, ...cut].find((text) => context.measureText(text).width <= room) ?? "";
+  return [title, lastWord, ...cut].find((text) => context.measureText(text).width <= width) ?? "";
 };
 
 // Draw the axes of a plot, and return functions that convert values to pixels.

@@ -198,11 +198,11 @@ def _draw_operating_region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizin
 
     time_share = sum_over_cells(moving_time)
     is_used = time_share > 0
-    area = time_share[is_used]
+    shares = time_share[is_used]
     axes.scatter(
-        sum_over_cells(moving_time * speeds)[is_used] / area,
-        sum_over_cells(moving_time * torque)[is_used] / area,
-        s=1500.0 * area,
+        sum_over_cells(moving_time * speeds)[is_used] / shares,
+        sum_over_cells(moving_time * torque)[is_used] / shares,
+        s=1500.0 * shares,
         color=COLOURS[i],
         alpha=0.35,
         linewidths=0,

@@ -351,9 +351,8 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
         Write the name of each phase above the plot, in the longest form that fits.
     """
     size = FONT_SIZE - 1
-    inches = (
-        axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * AXIS_MARGIN))
-    )  # Inches per second.
+    shown_time = trajectory.duration * (1 + 2 * AXIS_MARGIN)
+    inches_per_second = axes.bbox.width / DPI / shown_time
     style: Keywords = {
         "transform": axes.get_xaxis_transform(),
         "ha": "center",
@@ -363,7 +362,9 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
         if k % 2:
             axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
         if with_names:
-            letters = int(72 * inches * (phase.end - phase.start) / (LETTER_WIDTH * size))
+            letters = int(
+                72 * inches_per_second * (phase.end - phase.start) / (LETTER_WIDTH * size)
+            )
             middle = (phase.start + phase.end) / 2
             axes.text(middle, 1.02, fit_phase_name(phase.name, letters), **style)
 
