@@ -18,6 +18,7 @@ from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading import (
     Model,
+    Reader,
     Reference,
     Section,
     Text,
@@ -31,10 +32,8 @@ from ssm_planner.loading import (
     section_from_data,
     validate_section,
 )
-from ssm_planner.loading import Reader as Share
 from ssm_planner.loading.missions import expand_abbreviations
-from ssm_planner.loading.schema import Nested as Keys
-from ssm_planner.loading.schema import build_class_model
+from ssm_planner.loading.schema import Nested, build_class_model
 from ssm_planner.sizing import RANKS
 from ssm_planner.studies.study import (
     GEAR_KEYS,
@@ -75,7 +74,7 @@ class SearchModel(Model):
     """Seed of the random numbers. The same seed gives the same candidates."""
 
 
-_MARGIN_FIELD = Share(
+_MARGIN_FIELD = Reader(
     _parse_margin, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %"
 )
 RequirementsModel = build_class_model(
@@ -97,7 +96,7 @@ class StudyModel(Model):
     """Dotted paths of the robot file, or `pace`. Each path has a range {from: …, to: …}, a list
     {choices: …}, or {catalogue: FILE}, with {select: mass} to select by rank.
     """
-    require: Annotated[Any, Keys(RequirementsModel)] = RequirementsModel()
+    require: Annotated[Any, Nested(RequirementsModel)] = RequirementsModel()
     """Conditions that a candidate must meet."""
     minimise: Annotated[list[Literal[OBJECTIVES]], Field(min_length=1)]  # type: ignore[valid-type]
     """Objectives. Margins are maximised, all other objectives are minimised."""
@@ -277,7 +276,7 @@ def _parse_variable(section: Section, path: str, robot: JsonObject) -> Variable:
     Raises
     ------
     ProblemError
-        If the robot does not have the path, or if the entry has none of the permitted forms.
+        If the robot does not have the path, or if the form of the entry is not permitted.
     """
     if not leads_to_container(robot, path):
         raise section.error(
