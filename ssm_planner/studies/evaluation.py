@@ -305,8 +305,8 @@ def plan_candidate(study: Study, row: Candidate) -> dict[str, Plan]:
 
     The study stores figures (numerical results such as durations) but no plans, so `study show`
     calls this function. The robot has the motors and gears that were selected for the candidate.
-    The planner keeps the motor margin of the study, but each returned plan contains the problem
-    with the full limits of the motors.
+    The planner keeps the motor margin of the study, but a returned plan with a trajectory contains
+    the problem with the full limits of the motors, and its certificate refers to them.
 
     Parameters
     ----------
@@ -343,7 +343,7 @@ def _plan_motions(problems: ProblemByMotion, previous: TrajectoryByMotion) -> Tr
     Raises
     ------
     CandidateRejected
-        If a motion has no plan.
+        If a motion cannot be planned.
     """
     motions = {}
     for name, problem in problems.items():
@@ -489,7 +489,8 @@ def _select_pair(
     Raises
     ------
     CandidateRejected
-        If no pair keeps the motor margin. The reason counts the pairs that each check rules out.
+        If no pair keeps the motor margin. The reason counts the pairs that each check rules out in
+        the first motion.
     """
     motor_choice, motors = _component_options(study, joint, "motor")
     gear_choice, gears = _component_options(study, joint, "drive")
@@ -608,7 +609,7 @@ def _component_options(
 
 
 def _keeps_margin(results: Fields, margin: float) -> bool:
-    """Return True if the results keep a motor margin, or if the motor margin is not known.
+    """Return True if the results keep a motor margin, or if their motor margin is unknown.
 
     Parameters
     ----------
@@ -648,7 +649,7 @@ def _motion_results(problems: ProblemByMotion, motions: TrajectoryByMotion) -> J
 
 
 def _motor_results(sizings: Sequence[Sizing]) -> JsonObject:
-    """Summarise what all motions demand from the motors of a candidate.
+    """Summarise the demands of all motions on the motors of a candidate.
 
     Parameters
     ----------
@@ -658,9 +659,9 @@ def _motor_results(sizings: Sequence[Sizing]) -> JsonObject:
     Returns
     -------
     dict
-        The smallest motor margin, the largest peak and RMS torques (N·m) and the mass of all motors
-        (kg). A value is None if it is not known, for example the mass if one motor does not state
-        it.
+        The smallest motor margin, the largest peak and RMS torques (N·m) of each joint, the largest
+        peak torque of all joints, and the mass of all motors (kg). Unknown values are None, for
+        example the mass if one motor does not state it.
     """
     results: JsonObject = {}
     margins: list[float] = []

@@ -225,7 +225,7 @@ def _script_data(study: Study, rows: Candidates, front: Candidates) -> JsonObjec
 def _plotted_results(study: Study, rows: Candidates) -> list[str]:
     """Return the names of the objectives, durations and margins that the page plots.
 
-    A result is plotted if its values differ and if it is known for every candidate that has it.
+    A result is plotted if its values differ and do not contain None.
     """
     values_by_name: dict[str, set[Any]] = {}
     for row in rows:
@@ -399,6 +399,6 @@ def format_result(name: str, results: Fields) -> str:
 
 
 def displayed_result(name: str, results: Fields) -> float | None:
-    """Return a result in its display unit, or None if it is not known."""
+    """Return a result in its display unit, or None if it is missing."""
     value = results.get(name)
     return None if value is None else float(value) * result_unit(name)[1]

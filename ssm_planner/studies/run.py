@@ -59,7 +59,7 @@ PAGE_INTERVAL = 10.0
 QUEUED_BATCHES_PER_WORKER = 8
 """Number of batches per worker that are submitted in advance, so that no worker has to wait."""
 QUEUED_BATCHES_FOR_EXECUTOR = 512
-"""Number of batches that are submitted in advance to an executor whose size is not known."""
+"""Number of batches that are submitted in advance to an executor of unknown size."""
 BATCH_DURATION = 0.25
 """Desired duration of a batch, s. Larger batches reduce the cost of communication."""
 MAX_BATCH_SIZE = 64
@@ -116,9 +116,10 @@ class StudyResult:
 
     @property
     def better(self) -> tuple[Candidate, ...]:
-        """Candidates that are better than the original robot in one objective and worse in none.
+        """Candidates that are better than the original robot in at least one objective.
 
-        Empty if an objective of the original robot is not known, or if it violates a requirement.
+        They are at least as good in all others. Empty if the original robot is not done or lacks an
+        objective.
         """
         return dominating_candidates(self.own, self.front, self.study.minimise)
 
@@ -397,9 +398,9 @@ class StudyRunner:
     def _submit_passing(self, designs: Sequence[Design]) -> None:
         """Screen candidates, store the rejections, and send the other candidates to the workers.
 
-        The screens are closed-form tests that need no planning (`screens`). Candidates with a
-        stored result are only counted. The size of the batches is chosen such that a batch takes
-        about `BATCH_DURATION`, according to the duration of earlier batches.
+        The screens are closed-form tests without planning (`screens`). Candidates with a stored
+        result are only counted. The size of the batches is chosen such that a batch takes about
+        `BATCH_DURATION`, according to the duration of earlier batches.
 
         Parameters
         ----------

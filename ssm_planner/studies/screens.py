@@ -25,7 +25,7 @@ from ssm_planner.units import parse_quantity
 GEOMETRY_ANGLES = ("alpha", "home_tilt", "home_roll")
 """Keys of the robot file that define a geometry: the angle α, and tilt and roll at q = 0."""
 START_FRACTION = 1e-6
-"""Fraction of a straight motion after which the directions of its joints are determined."""
+"""Fraction of a straight motion at which the starting directions of its joints are evaluated."""
 DEGREE = math.pi / 180
 """One degree, rad."""
 
@@ -61,7 +61,7 @@ class Screens:
     study : Study
         Study whose candidates are screened.
     robot : Robot or None
-        A valid robot of the study. None if none of three tried candidates is valid.
+        A valid robot of the study. None if all three tried candidates are invalid.
     """
 
     def __init__(self, study: Study) -> None:
@@ -424,8 +424,8 @@ def _motor_rejections(joint: Joint, load: Array, direction: Array) -> dict[int, 
     Returns
     -------
     dict
-        Rejection by index of the robot. Empty if the joint lacks a motor or the friction of its
-        drive.
+        Rejection by index of the robot. Empty if the motor of the joint, its drive or the friction
+        of this drive is missing.
     """
     drive, motor = joint.drive, joint.motor
     if drive is None or motor is None or drive.friction is None:
@@ -490,7 +490,7 @@ def _required_tilts_and_moves(problems: Sequence[Problem]) -> tuple[Array, list[
     """Return the tilts that the motions must reach, and their straight motions.
 
     Only motions whose ends are given in task coordinates are evaluated. The evaluation of a problem
-    ends at its first motion that is not straight, because the further positions are not known.
+    ends at its first motion that is not straight, because the later positions are unknown.
 
     Parameters
     ----------

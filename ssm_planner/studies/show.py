@@ -41,7 +41,7 @@ def load_candidates(study: Study, folder: Path) -> dict[int, Candidate]:
     Raises
     ------
     ProblemError
-        If there is no store, or if it contains the rows of another study or of another program.
+        If the folder does not contain a store, or contains that of another study or program.
     """
     current = describe_study(study)
     with open_existing_store(folder) as store:
@@ -91,7 +91,7 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     Raises
     ------
     ProblemError
-        If the candidate does not exist, or if one of its motions has no plan.
+        If the candidate does not exist, or if one of its motions cannot be planned.
     ExportError
         If a file cannot be written.
     """

@@ -3,7 +3,7 @@
 Only one process writes the database, and others may read it at any time. The key of a row is a hash
 of the design, the inputs of the study and the program. Each row contains a hash of its content, so
 that changes are noticed. The database contains results but no plans, which are computed again on
-request. Rows of earlier studies and programs remain in the database, but they have no number.
+request. Rows of earlier studies and programs remain in the database without a number.
 """
 
 import csv
@@ -65,8 +65,8 @@ class Candidate:
     Examples
     --------
     >>> import ssm_planner as ssm
-    >>> ssm.Candidate(3, "screened", {"geometry.alpha": "30 deg"}, stage="reach").state
-    'screened'
+    >>> ssm.Candidate(3, "infeasible", {"geometry.alpha": "30 deg"}, stage="reach").rejection
+    'reach'
     """
 
     number: int
@@ -83,7 +83,10 @@ class Candidate:
 
     @property
     def rejection(self) -> str | None:
-        """Stage, or else state, in which the candidate was rejected, or None if it was not."""
+        """Stage that rejected the candidate, or its state if it failed in another way.
+
+        None for the states "done" and "waiting".
+        """
         return None if self.state in ("done", "waiting") else self.stage or self.state
 
     def costs(self, objectives: Sequence[str]) -> list[float] | None:
@@ -98,7 +101,7 @@ class Candidate:
         -------
         list of float or None
             Cost of each objective. A margin is multiplied by −1, because it is maximised. None if
-            the candidate is not done or an objective is not known.
+            the candidate is not done or lacks an objective.
         """
         if self.state != "done":
             return None
@@ -234,7 +237,7 @@ class Store(AbstractContextManager["Store"]):
         Returns
         -------
         dict
-            Description of the previous study. Empty if there is none.
+            Description of the previous study. Empty for a new database.
         """
         previous = self.description()
         self._context = context
@@ -246,7 +249,7 @@ class Store(AbstractContextManager["Store"]):
         return previous
 
     def description(self) -> JsonObject:
-        """Return the description of the latest study, which is empty if there is none.
+        """Return the description of the latest study, which is empty in a new database.
 
         Raises ProblemError if the description was changed.
         """
@@ -441,7 +444,7 @@ def _is_result(name: str, value: Any) -> bool:
     """Return True if a value can be a result.
 
     The result of a path of joints is the name of a part. All other results are finite numbers, or
-    None if they are not known.
+    None if a value is unknown.
     """
     if name.startswith("joints."):
         return isinstance(value, str)

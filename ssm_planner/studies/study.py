@@ -340,8 +340,8 @@ class Study:
 def robot_with_design(robot: Fields, contents: Mapping[str, Fields], design: Design) -> JsonObject:
     """Return the content of a robot file in which the values of a design replace the original ones.
 
-    The function also replaces the rotor inertia that a drive's input inertia contains if the design
-    changes the motor.
+    If the design changes the motor of a joint, the function also exchanges the rotor inertia in the
+    input inertia of its drive.
 
     Parameters
     ----------
@@ -401,9 +401,9 @@ def sobol_points(dimensions: int, points: int, seed: int) -> Iterator[Array]:
 def _set_at_path(tree: JsonObject, path: str, content: Any) -> None:
     """Set the content at a dotted path of a robot file's content, in place.
 
-    If the path ends with a key of `GEAR_KEYS`, `content` describes a gear. Its entries are then set
-    in the existing drive, and the old dimensions of the gear are removed except for the thread
-    angle.
+    If the path ends with a key of `GEAR_KEYS`, `content` describes a gear, and its entries are set
+    in the existing drive. If they contain dimensions, the old dimensions of the gear are removed
+    first, except for the thread angle.
 
     Parameters
     ----------
