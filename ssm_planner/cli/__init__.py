@@ -250,7 +250,8 @@ def _report_interruption(signals: _SignalHandling) -> int:
     Parameters
     ----------
     signals : _SignalHandling
-        Context of the command. It contains the signal that arrived, or None for Ctrl-C before it.
+        Context of the command. It contains the signal that arrived, or None if Ctrl-C came before
+        the context began.
     """
     # CPython records an interruption, and would later end the process. exec() resets the record.
     exec("")

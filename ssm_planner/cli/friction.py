@@ -56,8 +56,9 @@ def _check_design_options(options: Namespace) -> None:
 
 
 def _run_design(options: Namespace) -> int:
-    """Design a recording session, write it as CSV, print what it determines, and return the exit
-    status.
+    """Design a recording session, write it as CSV, and return the exit status.
+
+    The output states how precisely a simulated session determines each parameter.
     """
     progress = progress_reporter(f"designing a session for {options.drive}")
     session = ssm.design_session(options.drive, options.count, options.top_speed)
@@ -146,14 +147,14 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
 
 
 def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
-    """Return the table of the identified parameters as lines of text.
+    """Return the table of the parameters and their intervals as lines of text.
 
     Parameters
     ----------
     result : dict
         Output of --json.
     drive : Drive
-        Identified drive, which determines the units.
+        Drive of the parameters, which determines their units.
     """
     from ssm_planner.display import format_number
     from ssm_planner.identification import parameter_unit

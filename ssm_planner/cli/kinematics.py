@@ -52,7 +52,7 @@ def run_workspace(options: Namespace) -> int:
     Raises
     ------
     ProblemError
-        If the command line contains neither a robot nor a range.
+        If both the robot and the range are missing.
     """
     if options.robot is None and options.reach is None:
         raise ProblemError("workspace needs a robot file, or a tilt range: --reach -140deg -80deg")
@@ -79,7 +79,6 @@ def _workspace_result(robot: ssm.Robot, output: Path | None) -> JsonObject:
     output : Path or None
         Folder of the figures. Their paths are added to the result under the key `files`.
     """
-
     result = ssm.workspace(robot).to_dict()
     if output is not None:
         from ssm_planner.kinematics import Mechanism

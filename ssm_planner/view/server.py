@@ -44,11 +44,11 @@ AnswerFunction = Callable[[JsonObject], JsonObject]
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Server of the view of a study on the loopback interface.
+    """Server of the local view of a problem on the loopback interface.
 
     Attributes
     ----------
-    jobs : Jobs
+    jobs : PlanningJobs
         The planning runs and the pages.
     token : str
         Secret that every POST request must contain.
@@ -64,7 +64,10 @@ class ViewServer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, problem: Problem | None, port: int = 0) -> None:
-        """Open the socket. The port 0 selects any free port."""
+        """Open the socket. Without a problem, the page shows the paper's mechanism.
+
+        The port 0 selects any free port.
+        """
         # The jobs are created first, so that server_close works if the socket fails.
         self.jobs = PlanningJobs(ViewedProblem(problem))
         super().__init__((ADDRESS, port), RequestHandler)

@@ -227,7 +227,7 @@
     byId("result").replaceChildren();
     showCurves(desk);
   };
-  // Plan whenever the settings differ from those of the shown result. The address contains all settings, so it can be reloaded and bookmarked.
+  // Plan whenever the settings differ from those of the shown result. The address contains the settings, so it can be reloaded and bookmarked.
   const planIfChanged = runLatest(async () => {
     const { from, steps, own, pinned } = state;
     history.replaceState(null, "", `#${encodeURIComponent(JSON.stringify({ ...exact, from, steps, own, pinned }))}`);

@@ -1,4 +1,4 @@
-"""Draw the motion of a plan as a film of the arm and the eye, without a GPU and a network.
+"""Draw the motion of a plan as a film of the arm and the eye, without a GPU or a network.
 
 `film` is the entry. The report uses `mechanism_still` for its picture of the mechanism.
 """
@@ -209,7 +209,7 @@ def mechanism_still(plan: Plan) -> JsonObject:
     dict
         Coordinates for an SVG in mm. `reach` is half the width of the picture, `instants` contains
         the time in s and the lines of each instant, and `eye` contains the centre and the radius of
-        the retina.
+        the retina, or is None.
     """
     t = plan.motion.duration * np.array([0.0, 0.5, 1.0])
     eye = plan.limits.eye

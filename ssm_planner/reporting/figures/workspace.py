@@ -134,9 +134,9 @@ def axes_figure(mechanism: Mechanism) -> "Figure":
 def great_circle_arc(start: Array, end: Array) -> Array:
     """Interpolate along the shortest arcs between unit vectors.
 
-    At the position s from 0 to 1, the weights of both ends are sin((1 − s) θ)/sin θ and sin(s
-    θ)/sin θ, where θ is the angle between them (K. Shoemake, Animating rotation with quaternion
-    curves, SIGGRAPH 1985).
+    At the position s from 0 to 1, the weights of both ends are sin((1 − s) θ)/sin θ and
+    sin(s θ)/sin θ, where θ is the angle between them (K. Shoemake, Animating rotation with
+    quaternion curves, SIGGRAPH 1985).
 
     Parameters
     ----------

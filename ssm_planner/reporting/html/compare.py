@@ -147,7 +147,7 @@ def _limits_table(certificate_a: Certificate | None, certificate_b: Certificate 
     Parameters
     ----------
     certificate_a, certificate_b : Certificate or None
-        Certificates of both plans. None if a plan has no certificate.
+        Certificates of both plans, or None for a plan without one.
     """
     margins_a = _margins(certificate_a)
     margins_b = _margins(certificate_b)

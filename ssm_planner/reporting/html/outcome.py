@@ -1,4 +1,4 @@
-"""Write the page of a command for which there is only a general template."""
+"""Write the page of a command that uses the general template of a page."""
 
 import base64
 from collections.abc import Iterable, Sequence
