@@ -16,7 +16,7 @@ from ssm_planner.loading.load import json_schema
 from ssm_planner.planning.planner import plan_motion
 
 NAME = "tilt_insert.yaml"
-TILT = "  - tilt:   {to: -135 deg}     # straight in task space, the rest held"
+TILT = "  - tilt:   {to: -135 deg}     # straight in task space; the other coordinates do not change"
 OBJECTIVE = "objective: time"
 LIMIT = "  tilt: [-139 deg, -81 deg]"
 START = "start: {roll: 0 deg, tilt: -85 deg, spin: 0 deg, depth: 0 mm}"
