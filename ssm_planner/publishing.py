@@ -484,8 +484,8 @@ def _check_replaceable(
         name = path.relative_to(target.parent).as_posix()
         if (strict or is_folder) and name not in present_files:
             raise ExportError(
-                f"{displayed_path}: is in the way, and no export wrote {name}: choose another "
-                "folder, or move it away; nothing is written"
+                f"{displayed_path}: exists, and {name} is not from an export; nothing is written. "
+                "Choose another folder, or move this one."
             )
 
 

@@ -611,7 +611,7 @@ def _read_samples(
     """
     rows, numbers, too_long = _split_rows(lines, start, width, separator, notes)
     if not rows:
-        raise RecordingError(f"{notes.path}: the header is there, but no sample follows it")
+        raise RecordingError(f"{notes.path}: no sample follows the header")
     comma = separator == ","
     if comma and len(too_long) > max(1, LARGEST_OMITTED_SHARE * len(rows)):
         raise RecordingError(

@@ -703,7 +703,7 @@ def _solid_moments(section: Section, model: Any, placement: _BodyPlacement) -> s
     if isinstance(model, ArcModel):
         if placement.index > 1:
             raise section.error(
-                "no axis follows that of this body", "shape", allowed="rod, box, point"
+                "an arc needs a further axis after this body", "shape", allowed="rod, box, point"
             )
         if model.width >= 2 * model.radius:
             raise section.error(

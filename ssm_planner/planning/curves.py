@@ -126,7 +126,7 @@ class CurveFollower:
         Returns
         -------
         TipPath or (4,) array
-            An array is the joint position at the end: `q` itself if the motion goes nowhere, or the
+            An array is the joint position at the end: `q` itself if the target equals the start, or the
             last point if the tip moves on a radius through the remote centre, where only joints 3
             and 4 move.
 

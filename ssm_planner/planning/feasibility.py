@@ -477,7 +477,7 @@ def _end_velocity(phase: Phase, side: int) -> Array:
         off_line = np.abs(rate - projection).max() > ROUNDING_TOLERANCE * np.abs(rate).max()
         if direction @ rate < 0 or off_line:
             raise ProblemError(
-                f"a straight motion ({phase.motion.name}) keeps to its line, towards its target",
+                f"this speed leads away from the line of the straight motion ({phase.motion.name})",
                 file=problem.file,
                 key=key,
                 allowed="rates along the line, in the direction of the motion",

@@ -297,7 +297,7 @@ def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
     may_return = at_speed and any(isinstance(phase.motion, Free) for phase in phases)
     if not may_return and all(phase.is_at_rest and not phase.motion.duration for phase in phases):
         nowhere = phases[0].motion
-        reason = "this motion goes nowhere: its start and target are the same"
+        reason = "this motion has no length: its start and target are equal"
         raise ProblemError(reason, file=problem.file, line=nowhere.line, key=keys[0])
     return tuple(phases)
 
@@ -585,7 +585,7 @@ def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phas
     Raises
     ------
     ProblemError
-        If a corner cannot be rounded, or if a motion goes nowhere.
+        If a corner cannot be rounded, or if a motion has no length.
     """
     if len(chain) == 1:
         return chain[0]
@@ -595,7 +595,7 @@ def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phas
         for k, phase in enumerate(chain):
             if not isinstance(phase.path, ClosedPath):
                 raise ProblemError(
-                    "a motion that goes nowhere cannot have a rounded corner",
+                    "a motion without length cannot have a rounded corner",
                     key=str(max(k - 1, 0)),
                     allowed="motions that go somewhere, or no blend",
                 )

@@ -253,7 +253,7 @@ def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: f
     if not np.all(depth > 0):
         name = motion.kind if isinstance(motion, Scan) else motion.name
         raise ProblemError(
-            f"from the port no spot of this {name} can be reached at that distance from the retina",
+            f"the tool in the port cannot reach a spot of this {name} at this distance",
             file=problem.file,
             line=motion.line,
             key="distance",

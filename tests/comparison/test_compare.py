@@ -247,9 +247,9 @@ def test_which_joint_a_file_is_of(robot: Robot) -> None:
     words = ["roll=a.csv", "run3_tilt.csv", "axis4.csv"]
     assert [joint for joint, _ in assign_recordings(words, robot)] == ["roll", "tilt", "insertion"]
     for bad, message in (
-        (["something.csv"], "of which joint"),
-        (["roll_tilt.csv"], "of which joint"),
-        (["elbow=a.csv"], "of which joint"),
+        (["something.csv"], "the joint of this recording is unknown"),
+        (["roll_tilt.csv"], "the joint of this recording is unknown"),
+        (["elbow=a.csv"], "the joint of this recording is unknown"),
         (["roll=a.csv", "roll.csv"], "a second recording of joint roll"),
     ):
         with pytest.raises(RecordingError, match=message):

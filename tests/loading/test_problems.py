@@ -11,7 +11,9 @@ import pytest
 
 NAME = "tilt_insert.yaml"
 START = "start: {roll: 0 deg, tilt: -85 deg, spin: 0 deg, depth: 0 mm}"
-TILT = "  - tilt:   {to: -135 deg}     # straight in task space; the other coordinates do not change"
+TILT = (
+    "  - tilt:   {to: -135 deg}     # straight in task space; the other coordinates do not change"
+)
 LIMIT = "  tilt: [-139 deg, -81 deg]"
 D = math.radians
 

@@ -181,7 +181,7 @@ def test_a_scan_beyond_the_reach_of_the_port_is_bad_input(laser_scan: Problem) -
     eye = laser_scan.eye
     assert eye is not None
     turned = dataclasses.replace(eye, centre=-eye.centre, lens=None)
-    with pytest.raises(ProblemError, match="no spot of this scan can be reached"):
+    with pytest.raises(ProblemError, match="the tool in the port cannot reach a spot of this scan"):
         scanning(laser_scan, RING, eye=turned)
 
 

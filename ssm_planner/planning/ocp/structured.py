@@ -289,7 +289,7 @@ def _build_group(
     location: Location = "breakaway" if breakaway else "collocation"
     native = native_elements(element, parameters, len(elements), location)
     if native is None:
-        raise RuntimeError("the structured solver is in the compiled part, which is not there")
+        raise RuntimeError("the structured solver needs the compiled part, which is not installed")
     return RowGroup(native, elements, bound, cost_weight)
 
 
