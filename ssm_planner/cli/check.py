@@ -74,18 +74,16 @@ def run_check(options: Namespace) -> int:
         )
     certificate = _allow_unjudged(certificate, options.allow_unjudged or "")
     document |= certificate.to_dict()
-    if not options.proof:
-        progress(Step("done"))
-        print_result(options, document, certificate_lines(certificate, reading.notes, robot))
-        return STATUS_OF_VERDICT[certificate.verdict]
-    progress(Step("proving"))
-    proofs = ssm.prove(options.trajectory, options.checker)
-    progress(Step("done"))
-    document["proof"] = [proof.to_dict() for proof in proofs]
-    lines = certificate_lines(certificate, reading.notes, robot) + [""] + proof_lines(proofs)
-    print_result(options, document, lines)
+    lines = certificate_lines(certificate, reading.notes, robot)
     statuses = {STATUS_OF_VERDICT[certificate.verdict]}
-    statuses |= {STATUS_OF_PROOF[proof.verdict] for proof in proofs}
+    if options.proof:
+        progress(Step("proving"))
+        proofs = ssm.prove(options.trajectory, options.checker)
+        document["proof"] = [proof.to_dict() for proof in proofs]
+        lines += [""] + proof_lines(proofs)
+        statuses |= {STATUS_OF_PROOF[proof.verdict] for proof in proofs}
+    progress(Step("done"))
+    print_result(options, document, lines)
     return next(status for status in (FAILED, UNJUDGED, OK) if status in statuses)
 
 

@@ -127,12 +127,9 @@ def _design_region_result(
     built = None
     if robot is not None:
         design = ssm.workspace(robot)
-        built = design.alpha, design.beta
-        result["robot"] = {
-            "alpha": design.alpha,
-            "beta": design.beta,
-            "margin": design_margin(*built, reach),
-        }
+        built = alpha, beta = design.alpha, design.beta
+        margin = design_margin(*built, reach)
+        result["robot"] = {"alpha": alpha, "beta": beta, "margin": margin}
     if output is not None:
         from ssm_planner.reporting import design_region_figure, publish_figures
 

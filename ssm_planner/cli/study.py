@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, print_result, progress_reporter
+from ssm_planner.cli.shared import FAILED, OK, fill_in_template, print_result, progress_reporter
 from ssm_planner.display import format_number, plain_words
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
@@ -206,23 +206,21 @@ def _study_lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> lis
     """
     from ssm_planner.studies.page import compare_with_original, design_texts, format_result
 
-    states = ", ".join(f"{count} {state}" for state, count in result.states.items())
-    front = result.front
-    lines = ["Why candidates fall out"]
-    for reason, count in list(result.reasons.items())[:MAX_PRINTED_ROWS]:
-        lines.append(f"  {count:>6}  {reason}")
-    lines += [""] + list(result.notes)
-    lines += [f"file: {path}" for path in files.values()] + [""]
-    lines.append(f"Front in {', '.join(map(plain_words, study.minimise))}: {len(front)} candidates")
-    for row in front[:MAX_PRINTED_ROWS]:
+    front = []
+    for row in result.front:
         values = ", ".join(format_result(name, row.figures) for name in study.minimise)
-        choices = design_texts(study, row).items()
-        choices_text = ", ".join(f"{path} {value}" for path, value in choices)
-        lines.append(f"  {row.number:>6}  {values}  ({choices_text})")
-    if len(front) > MAX_PRINTED_ROWS:
-        lines.append(f"  … and {len(front) - MAX_PRINTED_ROWS} more in table.csv")
-    summary = f"{study.name}: {len(result.rows)} candidates: {states}; {len(front)} on the front"
-    return lines + ["", compare_with_original(study, result.own, front), summary]
+        choices = ", ".join(f"{path} {value}" for path, value in design_texts(study, row).items())
+        front.append((row.number, values, choices))
+    return fill_in_template(
+        "studied.txt",
+        study=study,
+        result=result,
+        files=files,
+        front=front,
+        objectives=map(plain_words, study.minimise),
+        comparison=compare_with_original(study, result.own, result.front),
+        rows=MAX_PRINTED_ROWS,
+    )
 
 
 def _comparison_lines(document: JsonObject) -> list[str]:

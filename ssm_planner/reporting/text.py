@@ -305,11 +305,9 @@ def candidates_table(plan: "Plan") -> Table:
     rows = []
     for name, candidates in zip_longest(names, plan.candidates, fillvalue=()):
         for candidate in candidates:
-            bound = format_fixed(candidate["bound"], 4)
-            estimate = format_fixed(candidate["estimate"], 4)
-            duration = format_fixed(candidate["duration"], 4)
-            cells = (candidate["kind"], bound, estimate, duration, candidate["outcome"])
-            rows.append((name or MISSING_VALUE,) + cells)
+            times = [format_fixed(candidate[key], 4) for key in ("bound", "estimate", "duration")]
+            row = [name or MISSING_VALUE, candidate["kind"], *times, candidate["outcome"]]
+            rows.append(row)
     return Table("phase, candidate, bound s, estimate s, duration s, outcome", rows, (2, 3, 4))
 
 
@@ -1035,19 +1033,11 @@ def _requirements_table(sizing: Sizing) -> Table:
         if joint.band.known:
             peak += f" (≤ {_format_in_milli(joint.band.high('peak_torque', confidence))})"
             rms += f" (≤ {_format_in_milli(joint.band.high('rms_torque', confidence))})"
-        rows.append(
-            (
-                requirement.joint,
-                peak,
-                rms,
-                _format_in_milli(requirement.mean_torque),
-                format_number(RPM * requirement.peak_speed, 4),
-                format_number(requirement.peak_acceleration, 4),
-                format_number(requirement.peak_power, 4),
-                format_number(requirement.mean_power, 4),
-                format_number(requirement.joule_power),
-            )
-        )
+        row = [requirement.joint, peak, rms, _format_in_milli(requirement.mean_torque)]
+        row.append(format_number(RPM * requirement.peak_speed, 4))
+        for key in ("peak_acceleration", "peak_power", "mean_power"):
+            row.append(format_number(getattr(requirement, key), 4))
+        rows.append(row + [format_number(requirement.joule_power)])
     return Table(head, rows, range(1, 9))
 
 

@@ -328,12 +328,9 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Plann
         desk["rows"] = rows
     if result.trajectory is None:
         reason = result.reason
-        return PlanningOutcome(
-            reason.message if reason else result.status,
-            relaxation=reason.relaxation if reason and relaxed else None,
-            changes=descriptions,
-            desk=desk,
-        )
+        text = reason.message if reason else result.status
+        relaxation = reason.relaxation if reason and relaxed else None
+        return PlanningOutcome(text, None, relaxation, descriptions, desk)
     verdict = "passed" if result.passed else "failed"
     text = f"planned: {result.duration:.4f} s, independent check {verdict}"
     return PlanningOutcome(text, result, changes=descriptions, desk=desk)

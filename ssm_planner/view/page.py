@@ -4,7 +4,9 @@ A request is a JSON object that the script of the page sends. The methods of `Vi
 the keys of their requests and answers, which consist of JSON types in SI units and rad.
 """
 
+import copy
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +26,7 @@ from ssm_planner.loading import (
     Section,
     follow_reference,
     node_from_data,
+    number_or_text,
     problem_from,
     read_catalogue,
     read_section,
@@ -95,8 +98,7 @@ def view_page(page: "ViewedProblem", token: str) -> str:
         "view.html",
         {"start": start, "token": token, "colours": list(COLOURS)},
         title=f"{start['name']} – mechanism" if start["name"] else "Mechanism",
-        parts=page.variables if start["can_plan"] else (),
-        joints=JOINTS,
+        page=page,
         start=start,
     )
 
@@ -115,6 +117,11 @@ class ViewedProblem:
 
     problem: Problem | None
     edited: Section | None = None
+
+    @property
+    def ranges(self) -> Mapping[str, Range]:
+        """Ranges of the task coordinates that the problem permits, rad or m."""
+        return {} if self.problem is None else self.problem.ranges
 
     @property
     def robot_mechanism(self) -> Mechanism:
@@ -233,6 +240,40 @@ class ViewedProblem:
                     )
         return tuple(variables)
 
+    @cached_property
+    def stand_ins(self) -> dict[str, str]:
+        """Assumed figures of the motors as text, by their path in the robot file."""
+        stand_ins = {}
+        for joint in self.problem.robot.joints if self.problem is not None else ():
+            for name in joint.motor.placeholders if joint.motor is not None else ():
+                entry = self.document["robot"]["joints"][joint.name]["motor"][name]
+                stand_ins[f"joints.{joint.name}.motor.{name}"] = str(_stated_value(entry))
+        return stand_ins
+
+    def _robot_with_figures(self, figures: Mapping[str, str]) -> JsonObject:
+        """Return the content of the robot file in which real figures replace stand-ins.
+
+        A mark for all figures of a motor becomes a mark for each of the others.
+
+        Parameters
+        ----------
+        figures : mapping of str
+            Text of each real figure by its path.
+        """
+        robot = copy.deepcopy(self.document["robot"])
+        for path in self.stand_ins if figures else ():
+            _, joint, _, name = path.split(".")
+            motor = robot["joints"][joint]["motor"]
+            motor.pop("placeholder", None)
+            entry = motor[name] if isinstance(motor[name], dict) else {"value": motor[name]}
+            motor[name] = entry | {"placeholder": True}
+            if path in figures:
+                motor[name] = {
+                    "value": number_or_text(figures[path]),
+                    "source": "entered in the view",
+                }
+        return robot
+
     def changed_robot(self, request: JsonObject) -> JsonObject:
         """Return the content of the robot file with the angles and the design of a request.
 
@@ -243,8 +284,8 @@ class ViewedProblem:
         Parameters
         ----------
         request : dict
-            `alpha` and `beta` (rad), and `design`, which gives values to variables in `variables`,
-            by path.
+            `alpha` and `beta` (rad), and `design`, which gives values to `variables` and
+            `stand_ins`, by path.
 
         Raises
         ------
@@ -253,8 +294,10 @@ class ViewedProblem:
         """
         mechanism, is_original = self.mechanism(request)
         design = self._design(request)
+        figures = {path: design.pop(path) for path in self.stand_ins if path in design}
         changes = [f"{path.removeprefix('joints.')} {text}" for path, text in design.items()]
-        content = self.document["robot"]
+        changes += ["entered motor figures"] * bool(figures)
+        content = self._robot_with_figures(figures)
         for path, text in list(design.items()):
             if path.endswith(".mu"):
                 friction = content["joints"][path.split(".")[1]]["drive"]["friction"]
@@ -281,7 +324,7 @@ class ViewedProblem:
         return content | {"name": f"{content.get('name', 'robot')} with {', '.join(changes)}"}
 
     def _design(self, request: JsonObject) -> dict[str, str]:
-        """Return the values that a request gives to variables, with their units, by path.
+        """Return the values that a request gives to variables and stand-ins as text, by path.
 
         Raises
         ------
@@ -289,7 +332,8 @@ class ViewedProblem:
             If a value is invalid, or if a path is unknown.
         """
         values = request.get("design") or {}
-        paths = {variable.path: variable for variable in self.variables}
+        paths: dict[str, Variable | str] = {variable.path: variable for variable in self.variables}
+        paths |= self.stand_ins
         if not isinstance(values, dict) or values.keys() - paths.keys():
             raise ProblemError("not a design", key="design", allowed=", ".join(paths))
         design = {}
@@ -298,10 +342,12 @@ class ViewedProblem:
             if isinstance(variable, Varied):
                 size = requested_number(values, path, variable.low, variable.high, variable.unit)
                 design[path] = f"{size:.12g} {variable.unit}".rstrip()
-            elif value in list(variable.contents):
+            elif isinstance(value, str) and (
+                isinstance(variable, str) or value in variable.contents
+            ):
                 design[path] = value
             else:
-                raise ProblemError("no such part", key=path, value=value)
+                raise ProblemError("no such part or figure", key=path, value=value)
         return design
 
     def start(self) -> JsonObject:
@@ -316,22 +362,22 @@ class ViewedProblem:
         mechanism = self.robot_mechanism
         low, high = tilt_interval(mechanism)
         problem = self.problem
-        ranges = {} if problem is None else dict(problem.ranges)
         start = None if problem is None else problem.start
         coordinates = start.set_coordinates if isinstance(start, Task) else {}
-        ends = ranges.get("tilt", (low, high))
+        ends = self.ranges.get("tilt", (low, high))
         values: JsonObject = {"alpha": mechanism.alpha, "beta": mechanism.beta}
         values |= {"low": ends[0], "high": ends[1]}
         values |= dict.fromkeys(TASK_COORDINATES, 0.0) | {"tilt": mechanism.home_tilt} | coordinates
         if problem is not None:
             values["payload"] = parse_quantity(self.document.get("tip_payload", "0 kg"), "mass")
+            values |= dict.fromkeys(self.stand_ins, "")
             for variable in self.variables:
                 values[variable.path] = (
                     variable.low * MAX_ADJUSTMENT_FACTOR if isinstance(variable, Varied) else ""
                 )
         return {
             "values": values,
-            "depth_range": list(ranges.get("depth", (0.0, 0.03))),
+            "depth_range": list(self.ranges.get("depth", (0.0, 0.03))),
             "joints": list(JOINTS),
             "can_plan": problem is not None,
             "name": None if problem is None else problem.name,
@@ -363,7 +409,6 @@ class ViewedProblem:
         low, high = tilt_interval(mechanism)
         margin = min(required[0] - low, high - required[1])
         problem = self.problem
-        ranges: dict[str, Range] = {} if problem is None else dict(problem.ranges)
         eye = None if problem is None else problem.eye
         sides = (
             link_sides(problem.robot, mechanism) if is_original and problem is not None else None
@@ -373,7 +418,7 @@ class ViewedProblem:
             "reached": margin >= 0.0,
             "margin": margin,
             "own": is_original,
-            "scene": mechanism_scene(mechanism, {**ranges, "tilt": required}, sides, eye),
+            "scene": mechanism_scene(mechanism, {**self.ranges, "tilt": required}, sides, eye),
         }
 
     def suggest(self, request: JsonObject) -> JsonObject:
@@ -415,7 +460,7 @@ class ViewedProblem:
         Parameters
         ----------
         request : dict
-            `alpha` and `beta` (rad), `design` (values of `variables` by path) and `payload` (kg).
+            `alpha` and `beta` (rad), `design` (see `changed_robot`) and `payload` (kg).
             With `own` true, the motion is that of the file. Otherwise, `start` is a pose,
             `tilt_range` limits the tilt (rad), and `motion` is a list of {pose} and {dwell}, in
             rad, m and s.
@@ -448,10 +493,8 @@ class ViewedProblem:
                 entries.append({"straight": {"to": _pose_entry(requested_pose(step, "pose"))}})
         content["motion"] = entries
         low, high = requested_tilt_range(request)
-        if self.problem is not None and "tilt" in self.problem.ranges:
-            lowest, highest = self.problem.ranges["tilt"]
-            low = max(low, lowest)
-            high = min(high, highest)
+        lowest, highest = self.ranges.get("tilt", (low, high))
+        low, high = max(low, lowest), min(high, highest)
         tilts = [_coordinate_text("tilt", low), _coordinate_text("tilt", high)]
         return content | {"limits": {**content.get("limits", {}), "tilt": tilts}}
 

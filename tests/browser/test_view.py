@@ -148,7 +148,7 @@ def test_parts_change_the_plan_and_a_pinned_plan_stays(visit: Open, server: View
 SHOWN = """() => {
   const stale = document.getElementById("stale").style.visibility !== "hidden";
   const read = (name) => Number(document.getElementById(name).value);
-  const parts = document.querySelectorAll("#controls [type=range][id^=joints], #controls .slider select");
+  const parts = document.querySelectorAll(".slider > label + [id^=joints]");
   return { stale, text: document.querySelector(".outcome")?.textContent ?? "",
     alpha: read("alpha"), beta: read("beta"), payload: read("payload"), tilt: read("tilt"), low: read("low"),
     parts: Object.fromEntries([...parts].map(({ id, value }) => [id, value])) };
@@ -193,8 +193,8 @@ ACT = """() => {
     node.value = draw(["", "1e9", "0.13", "30", "-100", "109.778"]);
     tell(node, "change");
   } else if (kind < 0.85) {
-    const node = draw([...document.querySelectorAll("#controls .slider select")]);
-    node.value = draw([...node.options]).value;
+    const node = draw([...document.querySelectorAll(".slider > select, .slider > [type=text]")]);
+    node.value = node.options ? draw([...node.options]).value : draw(["", "12 V", "80 mN*m"]);
     tell(node, "change");
   } else draw([...document.querySelectorAll("#whole, #here, #waypoint, #dwell, #own, #pin, #plan, #steps button")]).click();
 }"""
@@ -500,3 +500,27 @@ def test_a_gear_hides_the_ratio_that_it_replaces(visit: Open, server: ViewServer
     assert ratio.is_visible()
     assert page.inner_text("#outcome tr:last-child td") == motors
     assert opened.said == []
+
+
+def test_real_figures_replace_stand_ins(visit: Open, server: ViewServer) -> None:
+    """The verdict on the motors depends on fewer assumptions, and the address keeps the figures."""
+    opened = visit(server.url)
+    page = opened.page
+    opened.wait(PLANNED, seconds=60)
+    outcome = "#outcome tr:last-child td"
+    assert "if 4 stand-in figures hold" in page.inner_text(outcome)
+    page.click("#figures summary")
+    figure = page.locator("[id='joints.roll.motor.max_torque']")
+    figure.fill("90 mm")
+    figure.blur()
+    opened.wait("document.getElementById('joints.roll.motor.max_torque-error').textContent !== ''")
+    assert page.inner_text(".outcome") == "not planned"
+    figure.fill("90 mN*m")
+    figure.blur()
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    assert page.inner_text("[id='joints.roll.motor.max_torque-error']") == ""
+    assert "if 3 stand-in figures hold" in page.inner_text(outcome)
+    assert "max_torque" in page.url
+    page.select_option("[id='joints.roll.motor']", "maxon_ecx_torque_22_m")
+    assert not figure.is_visible(), "the chosen motor has its own figures"
+    assert all("400" in text for text in opened.said)

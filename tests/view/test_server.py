@@ -503,8 +503,33 @@ def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) ->
     )
 
 
+def test_a_real_figure_replaces_its_stand_in_and_no_other(server: ViewServer) -> None:
+    page = server.jobs.requested_page({})
+
+    def motors(figures: dict[str, str]) -> dict[str, Any]:
+        problem = page.requested_problem(own_motion(server, design=figures))
+        return {joint.name: joint.motor for joint in problem.robot.joints if joint.motor}
+
+    assumed = motors({})
+    real = motors({"joints.roll.motor.max_torque": "90 mN*m"})
+    assert real["roll"].max_torque == pytest.approx(0.09)
+    assert set(real["roll"].placeholders) == set(assumed["roll"].placeholders) - {"max_torque"}
+    for name in ("tilt", "insertion"):
+        assert real[name].placeholders == assumed[name].placeholders
+    confirmed = motors(page.stand_ins)
+    for name, motor in assumed.items():
+        assert motor.placeholders
+        assert confirmed[name].placeholders == ()
+        assert confirmed[name].max_torque == motor.max_torque
+    with pytest.raises(ProblemError, match=r"roll\.motor\.max_torque.*not a torque"):
+        motors({"joints.roll.motor.max_torque": "90 mm"})
+    with pytest.raises(ProblemError, match="no such part or figure"):
+        motors({"joints.roll.motor.max_torque": 90})  # type: ignore[dict-item]
+
+
 def test_a_saved_design_plans_the_same_elsewhere(server: ViewServer, tmp_path: Path) -> None:
-    request = own_motion(server, design={MU: 0.3, RATIO: 150.0}, payload=0.05)
+    design = {MU: 0.3, RATIO: 150.0, "joints.tilt.motor.max_speed": "15000 rpm"}
+    request = own_motion(server, design=design, payload=0.05)
     answer = finished(server, ask(server, "/plan", request)["job"])
     saved = tmp_path / "elsewhere.yaml"
     saved.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")

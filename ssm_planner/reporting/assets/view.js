@@ -5,10 +5,11 @@
   const { start, token, colours } = SSM.data();
   const degrees = 180 / Math.PI;
   const click = (name, run) => byId(name).addEventListener("click", run);
-  const names = [...document.querySelectorAll("#controls [type=range], #controls .slider select")].map(({ id }) => id);
+  const names = [...document.querySelectorAll(".slider > label + *")].map(({ id }) => id);
   const POSE = ["roll", "tilt", "spin", "depth"];
   // The name of a value of a motor or gear is its path in the robot file, and its unit is that of the file.
   const isPart = (name) => name.includes(".");
+  const isText = (name) => byId(name).type !== "range";
   const scale = (name) => ({ depth: 1000, payload: 1000 })[name] ?? (isPart(name) ? 1 : degrees);
   const state = { branch: null, from: POSE.map((name) => start.values[name]), steps: [], own: true, relaxed: false, pinned: null,
     robot: true, job: null, planned: null, solutions: null };
@@ -26,7 +27,7 @@
   const setField = (name, si) => {
     showFault(name, "");
     exact[name] = si;
-    const shown = byId(name).options ? si : si * scale(name);
+    const shown = isText(name) ? si : si * scale(name);
     byId(name).value = shown;
     const typed = byId(`${name}-number`);
     if (typed) typed.value = Number(shown.toFixed(6));
@@ -37,7 +38,7 @@
     byId(`${name}-number`)?.setAttribute("aria-invalid", String(Boolean(text)));
   };
   const reportError = (error) => {
-    const key = (error.key ?? "").replace("robot.", "").replace("mu_static", "mu");
+    const key = (error.key ?? "").replace(/robot\.|_static|\.value$/g, "");
     const part = key.split(".").pop();
     const number = key.match(/motion\[(\d+)\]/);
     let name = { tilt_range: "high", start: "from", tip_payload: "payload" }[key] ?? part;
@@ -120,9 +121,12 @@
     SSM.ready ??= performance.now();
   });
 
-  // A chosen gear determines the ratio or lead, so the slider for it is hidden.
-  const isReplacedByGear = (name) => name.includes(".geometry.") && ["worm", "screw"].some((gear) => exact[name.replace(/geometry.*/, gear)]);
-  const changes = () => names.filter((name) => isPart(name) && !isReplacedByGear(name) && exact[name] !== start.values[name]).map((name) => [name, exact[name]]);
+  // A chosen motor or gear determines its figures, so their fields are hidden.
+  const isReplaced = (name) => {
+    const [, owner] = name.match(/(.*\.)(?:motor|geometry)\./) ?? [];
+    return ["motor", "worm", "screw"].some((part) => exact[owner + part]);
+  };
+  const changes = () => names.filter((name) => isPart(name) && !isReplaced(name) && exact[name] !== start.values[name]).map((name) => [name, exact[name]]);
   // The settings that determine a planning run. A shown result is outdated if they have changed.
   const planSettings = () => ({ of: location.pathname, ...angles(), design: Object.fromEntries(changes()), payload: exact.payload, relaxed: state.relaxed,
     ...(state.own ? { own: true } : { start: state.from, motion: state.steps.length ? state.steps : [{ pose: pose() }], tilt_range: tiltRange() }) });
@@ -140,7 +144,7 @@
       exact.payload && "The payload is a point mass at the tip."];
     byId("why").textContent = planningObstacle() || assumed.filter(Boolean).join(" ");
     byId("plan").disabled = byId("pin").disabled = byId("save").disabled = Boolean(planningObstacle());
-    names.filter(isPart).forEach((name) => { byId(name).parentNode.hidden = isReplacedByGear(name); });
+    names.filter(isPart).forEach((name) => { byId(name).parentNode.hidden = isReplaced(name); });
     byId("pin").textContent = state.pinned ? "Unpin A" : "Pin this motion as A";
     byId("cancel").disabled = !state.job;
     byId("from").textContent = state.own ? "The motion of the problem file" : `From: ${describePose(state.from)}`;
@@ -178,7 +182,7 @@
     else if (!isPart(name)) updateAll();
   };
   for (const name of names) {
-    if (byId(name).options) byId(name).addEventListener("change", (event) => { setField(name, event.target.value); applySettings(); });
+    if (isText(name)) byId(name).addEventListener("change", (event) => { setField(name, event.target.value); applySettings(); });
     else {
       byId(name).addEventListener("input", (event) => changed(name, event.target.valueAsNumber, false));
       byId(`${name}-number`).addEventListener("change", (event) => changed(name, event.target.valueAsNumber, true));
@@ -291,7 +295,7 @@
   const restoreSettings = () => {
     let stored = {};
     try { stored = JSON.parse(decodeURIComponent(location.hash.slice(1))) ?? {}; } catch { return; }
-    const fits = (name, si) => (byId(name).options ? typeof si === "string" : Number.isFinite(si) && inside(name, si * scale(name)));
+    const fits = (name, si) => (isText(name) ? typeof si === "string" : Number.isFinite(si) && inside(name, si * scale(name)));
     const isPose = (each) => Array.isArray(each) && each.length === 4 && each.every((si, i) => fits(POSE[i], si));
     for (const name of names) if (fits(name, stored[name])) setField(name, stored[name]);
     if (exact.low >= exact.high) for (const name of ["low", "high"]) setField(name, start.values[name]);

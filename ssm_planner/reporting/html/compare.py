@@ -198,8 +198,7 @@ def _motors_table(plans: tuple[Plan, Plan]) -> Table:
             ("rms_torque", "RMS torque mN·m", 1e3),
             ("peak_speed", "peak speed rpm", RPM),
         ):
-            value_a = scale * a[key] if key in a else None
-            value_b = scale * b[key] if key in b else None
+            value_a, value_b = [scale * plan[key] if plan else None for plan in (a, b)]
             rows.append((joint, motors, name) + _pair_cells(value_a, value_b))
     return Table("joint, motor, , A, B, change", rows, (3, 4, 5))
 
@@ -245,12 +244,14 @@ def _merge_panels(panels: Sequence[list[Panel]]) -> list[Panel]:
             shared = merged.setdefault(key, {**panel, "limits": [], "active": [], "sides": []})
             shared["sides"].append(side)
             for limit in panel["limits"]:
-                is_new = True
-                for line in shared["limits"]:
-                    if all(line[key] == limit[key] for key in ("name", "low", "high")):
-                        line["side"] = None
-                        is_new = False
-                if is_new:
+                equal_limits = [
+                    line
+                    for line in shared["limits"]
+                    if all(line[key] == limit[key] for key in ("name", "low", "high"))
+                ]
+                for line in equal_limits:
+                    line["side"] = None
+                if not equal_limits:
                     shared["limits"].append({**limit, "of": name, "side": side})
             for interval in panel["active"]:
                 label = f"{name}: {interval['label']}"

@@ -544,15 +544,11 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
     for indices, unit, title in COORDINATE_GROUPS:
         series = [(f"task{i}", TASK_COORDINATES[i], i) for i in indices]
         panel = new_panel("Task coordinates", title, unit, series)
-        for limit in _ordered_limits(limits, TaskRange, indices):
-            i = TASK_COORDINATES.index(limit.coordinate)
-            panel["limits"].append(limit_entry(limit, i, f"task{i}"))
+        ranges = _limits_by_index(limits, TaskRange, indices)
+        panel["limits"] = [limit_entry(limit, i, f"task{i}") for i, limit in ranges.items()]
         yield panel
     for indices, unit, _ in COORDINATE_GROUPS:
-        rates = {
-            TASK_COORDINATES.index(r.coordinate): r
-            for r in _ordered_limits(limits, TaskRate, indices)
-        }
+        rates = _limits_by_index(limits, TaskRate, indices)
         if not rates:
             continue
         title = "Rate: " + ", ".join(TASK_COORDINATES[i] for i in rates)
@@ -573,10 +569,10 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
         yield from _eye_panels(limits.eye)
 
 
-def _ordered_limits(
+def _limits_by_index(
     limits: TaskLimits, limit_type: type[CoordinateLimit], indices: list[int]
-) -> list[CoordinateLimit]:
-    """Return the limits of one class on selected coordinates, in the order of `TASK_COORDINATES`.
+) -> dict[int, CoordinateLimit]:
+    """Return the limits of one class on selected coordinates, by the index of the coordinate.
 
     Parameters
     ----------
@@ -585,14 +581,10 @@ def _ordered_limits(
     limit_type : type
         Class of the limits, `TaskRange` or `TaskRate`.
     indices : list of int
-        Indices of the coordinates.
+        Indices of the coordinates in `TASK_COORDINATES`.
     """
-    by_coordinate = {
-        limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)
-    }
-    return [
-        by_coordinate[TASK_COORDINATES[i]] for i in indices if TASK_COORDINATES[i] in by_coordinate
-    ]
+    by_name = {limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)}
+    return {i: by_name[TASK_COORDINATES[i]] for i in indices if TASK_COORDINATES[i] in by_name}
 
 
 def _eye_panels(eye: Eye) -> Iterator[Panel]:
