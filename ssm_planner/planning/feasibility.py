@@ -319,7 +319,8 @@ def check_eye_clearance(phase: Phase) -> Reason | None:
         return None
     for limit in eye.limits:
         template = (
-            "the tip would come within {value} of the retina, but the clearance is {bound}"
+            "the tip would be {value} from the retina (less than 0 is behind it), but the "
+            "clearance is {bound}"
             if isinstance(limit, RetinaClearance)
             else "the shaft would touch the lens: it would pass at {value} times the size of the "
             "lens from its centre, but at least {bound} is required"

@@ -67,7 +67,7 @@ def simulation_page(plan: Plan, result: SimulationResult) -> str:
     marks += [("bad", "", reason) for reason in result.reasons]
     losses = result.losses
     holding = "holds" if result.holds else "does not hold"
-    standstill = f"the arm {holding}, the tip travels {1e3 * result.travel:.4f} mm"
+    standstill = f"the arm {holding}, and the tip travels {1e3 * result.travel:.4f} mm"
     return render_page(
         "simulation.html",
         simulation_data(plan, result),
