@@ -209,8 +209,8 @@ class PhaseSummary:
 
         A duration by toppra below the proven lower bound of the phase shows an error of toppra. The
         returned summary then has no such duration, and `not_judged` states the reason. A duration
-        that is below the bound by a relative difference of at most `GRID_TOLERANCE`, by which the
-        extrapolation over the grid can be too short, is replaced by the bound.
+        that is below the bound by a relative difference of at most `GRID_TOLERANCE`, the error of
+        toppra's duration, is replaced by the bound.
 
         Parameters
         ----------
@@ -227,18 +227,14 @@ class PhaseSummary:
         if duration is not None and duration < (1 - GRID_TOLERANCE) * self.lower_bound:
             reason = f"its {duration:.6g} s are below the lower bound of {self.lower_bound:.6g} s"
             duration = None
-        bound = opinion.bound
-        if duration is not None:
-            duration = max(duration, self.lower_bound)
-        if bound is not None:
-            bound = max(bound, self.lower_bound)
+        duration = duration and max(duration, self.lower_bound)
         # If a motion is slower than its path allows, limits that toppra does not consider slow it
         # down, and toppra's sensitivities do not apply.
         is_slowed = duration is None or self.duration > (1 + TOO_SLOW_DIFFERENCE) * duration
         return replace(
             self,
             toppra_duration=duration,
-            path_bound=bound,
+            path_bound=opinion.bound and max(opinion.bound, self.lower_bound),
             sensitivities=None if is_slowed else opinion.sensitivities,
             not_judged=reason,
         )

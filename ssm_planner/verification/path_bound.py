@@ -17,9 +17,9 @@ rests. At an end at rest, μ = 0 and the term vanishes.
 If a timing y₀ is optimal, there are multipliers for which 2p y₀³ + κ y₀² = 1 wherever y₀ < F, and
 λ_r = 0 wherever row r does not bind. With them, the bound equals the duration of y₀. A linear
 program therefore looks for piecewise linear λ_r. They nearly satisfy this equation for toppra's
-timing y₀, and they minimise ∫ Σ λ_r (1 − row_r) ds. They may jump at points where y₀ reaches the
-speed limit. The bound is valid for every λ_r ≥ 0, so errors of the program or of toppra can only
-make it smaller.
+timing y₀ in the middle of every interval, and they minimise ∫ Σ λ_r (1 − row_r) ds. They may jump
+at points where y₀ reaches the speed limit, or where a coefficient a_r jumps. The bound is valid for
+every λ_r ≥ 0, so errors of the program or of toppra can only make it smaller.
 
 Simpson's rule evaluates the integral. The bound is reduced by the difference between the rule on
 intervals and on half intervals.
@@ -70,11 +70,10 @@ QUARTIC_DERIVATIVES = (
 """Matrix from the values of a quartic at the points to its derivatives there, times the length."""
 BINDING_MARGIN = 0.1
 """Largest distance of a quantity from its limit, as a share of the limit, at which it may bind."""
-OPTIMALITY_PENALTIES = ((0.02, 0.1), (0.3, None))
-"""Piecewise linear cost of the deviation δ = |2p y₀³ + κ y₀² − 1| from optimality.
+OPTIMALITY_PENALTY = 0.1
+"""Cost of the deviation δ = |2p y₀³ + κ y₀² − 1| from optimality.
 
-Each entry contains the rate of the cost and the length of the piece, which is None for the last
-piece. The bound loses about δ²/(6 y₀).
+The bound loses about δ²/(6 y₀). The linear program uses this factor times δ/y₀ in its place.
 """
 COEFFICIENT_JUMP_TOLERANCE = 1e-6
 """A jump of a coefficient between intervals is rounding up to this share of its largest value."""
@@ -82,7 +81,7 @@ MIN_DIVISOR = 1e-30
 """Lower limit of −p in the division 1 / −p."""
 MULTIPLIER_JUMP_TOLERANCE = 1e-12
 """A jump of μ is rounding up to this value."""
-BISECTION_STEPS = 80
+BISECTION_STEPS = 40
 """Number of bisections that locate y in the interval (0, F)."""
 SENSITIVITY_STEP = 0.01
 """Share by which a limit grows in the definition of a sensitivity."""
@@ -114,6 +113,7 @@ def path_bound(
     limits: TaskLimits,
     span: tuple[float, float],
     squares: Array | None = None,
+    refinement: int = 2,
 ) -> tuple[float | None, tuple[Sensitivity, ...] | None]:
     """Compute a lower bound on the duration of every motion along the path of a motion.
 
@@ -130,6 +130,8 @@ def path_bound(
     squares : (n + 1,) array, optional
         ṡ² of a timing at the grid points, by default that of the motion. The bound is closest if
         this timing is nearly optimal.
+    refinement : int
+        Factor on the number of intervals, see `PathRows.from_trajectory`.
 
     Returns
     -------
@@ -138,12 +140,11 @@ def path_bound(
     sensitivities : tuple of Sensitivity or None
         Changes of the bound with the limits that bind. None without a bound.
     """
-    path = PathRows.from_trajectory(trajectory, robot, span, POINT_POSITIONS)
+    path = PathRows.from_trajectory(trajectory, robot, span, POINT_POSITIONS, refinement)
     max_speed = np.where(path.moves, 1 / path.largest_speed_ratio(limits), 1.0)
     squares = np.ones(len(path.lengths) + 1) if squares is None else squares
-    named_rows = _named_rows(path)
-    names = [name for name, _ in named_rows]
-    program = _DualProgram.from_rows(path, [row for _, row in named_rows], max_speed, squares)
+    names, rows = zip(*_named_rows(path), strict=True)
+    program = _DualProgram.from_rows(path, rows, max_speed, squares)
     multipliers = program.multipliers()
     if multipliers is None:
         return None, None
@@ -183,7 +184,10 @@ class _DualProgram:
     jump: Any
     """Matrix of the jumps of μ at the inner grid points, (n − 1, unknowns)."""
     may_jump_at: Mask
-    """True at inner grid points where the speed limit may bind and λ may jump, (n − 1,)."""
+    """True at inner grid points where λ may jump, (n − 1,).
+
+    The speed limit may bind there, or a coefficient of s̈ jumps.
+    """
     max_speed_squared: Array
     """F² at the inner grid points, (n − 1,)."""
     lengths: Array
@@ -208,6 +212,8 @@ class _DualProgram:
         squares : (n + 1,) array
             ṡ² of the timing y₀ at the grid points.
         """
+        from scipy.sparse import csr_matrix
+
         count = len(path.lengths)
         gained = np.diff(squares)
         speed_squared = np.concatenate([squares[:-1] + share * gained for share in POINT_POSITIONS])
@@ -218,18 +224,24 @@ class _DualProgram:
         slope = np.tensordot(QUARTIC_DERIVATIVES, a.reshape(len(POINT_POSITIONS), count, -1), 1)
         slope = (slope / path.lengths[:, None]).reshape(a.shape)
         max_speed_squared = np.minimum(max_speed[1:count], max_speed[-count:-1]) ** 2
-        may_jump_at = squares[1:-1] >= (1 - BINDING_MARGIN) ** 2 * max_speed_squared
-        unknowns = _number_unknowns(a, slack, may_jump_at)
-        shares = np.array(POINT_POSITIONS)[:, None]
-        value = np.stack([1 - shares, shares])
-        change = np.stack([-1 / path.lengths, 1 / path.lengths])[:, None]
+        largest_rounding = COEFFICIENT_JUMP_TOLERANCE * np.abs(a).max(axis=0)
+        jumps = np.abs(a[1:count] - a[-count:-1]) > largest_rounding
+        is_fast = squares[1:-1] >= (1 - BINDING_MARGIN) ** 2 * max_speed_squared
+        may_jump_at = is_fast | jumps.any(axis=1)
+        unknowns = _number_unknowns(slack, may_jump_at)
+        side, interval, row = np.nonzero(unknowns >= 0)
+        points = np.arange(len(y)).reshape(-1, count)[:, interval]
+        columns = np.broadcast_to(unknowns[side, interval, row], points.shape)
+        entries: Any = points.ravel(), columns.ravel()
+        shape = len(y), unknowns.max(initial=-1) + 1
+        positions = np.array(POINT_POSITIONS)[:, None]
+        value = np.where(side, positions, 1 - positions)
+        change = (2 * side - 1) / path.lengths[interval]
 
         def linear(factors: Array, basis: Array = value) -> Any:
             """Return the matrix of Σ factor · λ at all points, or of λ' with `basis=change`."""
-            factors = factors.reshape(len(POINT_POSITIONS), count, -1)
-            return _multiplier_matrix(
-                factors, np.broadcast_to(basis, (2, len(POINT_POSITIONS), count)), unknowns
-            )
+            values = basis * factors.reshape(len(positions), count, -1)[:, interval, row]
+            return csr_matrix((values.ravel(), entries), shape)
 
         mu = linear(a / 2)
         return cls(
@@ -258,46 +270,39 @@ class _DualProgram:
             program is infeasible.
         """
         from scipy.optimize import linprog
-        from scipy.sparse import bmat, csr_matrix, diags, eye, hstack
+        from scipy.sparse import bmat, csr_matrix, diags, eye, hstack, kron
 
-        used = np.flatnonzero((self.weights[0] > 0) & (self.p.getnnz(axis=1) > 0))
-        if not len(used):
-            return np.zeros(self.p.shape[1])
-        y, max_speed, weights = self.y[used], self.max_speed[used], self.weights[0, used]
-        p, kappa = self.p[used], self.kappa[used]
-        limit_squares = self.y[1 : len(self.may_jump_at) + 1][self.may_jump_at] ** 2
-        size, jumps = len(used), len(limit_squares)
-        identity: Any = eye(size)
+        # The program has one condition for the middle of every interval.
+        size = len(self.lengths)
+        first = POINT_POSITIONS.index(0.5) * size
+        middles = slice(first, first + size)
+        y, max_speed = self.y[middles], self.max_speed[middles]
+        p, kappa = self.p[middles], self.kappa[middles]
+        limit_squares = self.y[1:size][self.may_jump_at] ** 2
+        jumps = len(limit_squares)
         step: Any = eye(jumps)
-        # δ is the sum of several variables, each with a sign, a cost and a largest value. The first
-        # is the multiplier of the speed limit.
+        # δ is the sum of the multiplier of the speed limit and of two errors of opposite signs.
+        signs = np.array([[1.0, 1.0, -1.0]])
         limit_cost = np.clip((max_speed - y) / y**2, 0.0, 1 / y)
-        terms: list[tuple[int, Array, float | None]] = [(1, limit_cost, None)]
-        for rate, end in OPTIMALITY_PENALTIES:
-            terms += [(1, rate / y, end), (-1, rate / y, end)]
-        bounds: list[tuple[int, float | None]] = [(0, None)] * (p.shape[1] + 2 * jumps)
-        for _, _, end in terms:
-            bounds += [(0, end)] * size
-        costs = [weights * cost for _, cost, _ in terms]
-        signed = [sign * identity for sign, _, _ in terms]
+        error_cost = OPTIMALITY_PENALTY / y
         optimality = diags(2 * y**3) @ p + diags(y**2) @ kappa
         # The value at F is at least that at y₀ if p + κ / (y₀ + F) is at least this threshold. A
         # positive δ lowers the threshold.
         threshold = 1 / (y * max_speed * (y + max_speed))
-        lowered = [diags(-threshold) if sign > 0 else 0 * identity for sign, _, _ in terms]
         at_max_speed = p + diags(1 / (y + max_speed)) @ kappa
+        lowered = kron(signs > 0, diags(-threshold))
         jump_cost = self.max_speed_squared[self.may_jump_at] - limit_squares
-        cost = [self.slack[used].T @ weights, jump_cost, limit_squares]
-        optimality_rows = [optimality, None, None] + signed
-        jump_rows = [self.jump[self.may_jump_at], -step, step] + [None] * len(terms)
-        inequality = [-at_max_speed, csr_matrix((size, 2 * jumps))] + lowered
+        costs = [self.slack[middles].T @ self.lengths, jump_cost, limit_squares]
+        costs += [self.lengths * cost for cost in (limit_cost, error_cost, error_cost)]
+        optimality_rows = [optimality, None, None, kron(signs, eye(size))]
+        jump_rows = [self.jump[self.may_jump_at], -step, step, None]
+        inequality = [-at_max_speed, csr_matrix((size, 2 * jumps)), lowered]
         result = linprog(
-            np.concatenate(cost + costs),
+            np.concatenate(costs),
             A_eq=bmat([optimality_rows, jump_rows]),
             b_eq=np.append(np.ones(size), np.zeros(jumps)),
             A_ub=hstack(inequality),
             b_ub=-threshold,
-            bounds=bounds,
         )
         return None if result.x is None else np.maximum(result.x[: p.shape[1]], 0.0)
 
@@ -320,8 +325,8 @@ class _DualProgram:
         ends = np.append(multipliers, 0.0)[self.unknowns]
         integrals = np.einsum("enr,n->r", ends, self.lengths) / 2
         p, kappa, end = self.p @ multipliers, self.kappa @ multipliers, self.max_speed
-        at_end = _minimise_integrand(p, kappa, end) >= 1 / end + p * end**2 + kappa * end
-        of_speed = np.where(at_end, 1 - 2 * p * end**3 - kappa * end**2, 0.0)
+        y = _minimise_integrand(p, kappa, end)
+        of_speed = np.where(y == end, 1 - 2 * p * end**3 - kappa * end**2, 0.0)
         by_point = self.weights[0] * np.maximum(of_speed, 0.0) / end
         by_point[1 : len(self.lengths)] += 2 * self._jump_losses(multipliers)
         return -SENSITIVITY_STEP * integrals, -SENSITIVITY_STEP * by_point
@@ -337,7 +342,8 @@ class _DualProgram:
         multipliers : (unknowns,) array
             Any values that are at least 0.
         """
-        minima = _minimise_integrand(self.p @ multipliers, self.kappa @ multipliers, self.max_speed)
+        p, kappa = self.p @ multipliers, self.kappa @ multipliers
+        minima = _integrand(_minimise_integrand(p, kappa, self.max_speed), p, kappa)
         coarse_integral, fine_integral = self.weights @ (minima + self.excess @ multipliers)
         integration_error = abs(fine_integral - coarse_integral)
         mu = self.mu @ multipliers
@@ -356,37 +362,29 @@ def _named_rows(path: PathRows) -> list[tuple[LimitKey, Array]]:
     Each row contains its values at the PROBES, (4, points). Torque rows use the smallest friction
     coefficient. They are 0 in an interval in which the joint reverses.
     """
-    rows: list[tuple[LimitKey, Array]] = []
-    for k, row in enumerate(path.acceleration_rows()):
-        joint = path.robot.joints[k // 2]  # each joint has two rows, one for either direction
-        rows.append(((JointAcceleration.name, joint.name), row))
+    # Each joint has two acceleration rows, one for either direction.
+    names = [(JointAcceleration.name, joint.name) for joint in path.robot.joints for _ in range(2)]
+    rows: list[tuple[LimitKey, Array]] = list(zip(names, path.acceleration_rows(), strict=True))
     for i, drive, motor in motorised_joints(path.robot.joints):
-        speeds = 0.0, drive.ratio * path.robot.joints[i].velocity
-        smallest = min(float(friction_coefficient(required_friction(drive), w)) for w in speeds)
-        direction = path.direction[:, i]
-        reverses = (direction * path.speed[2, :, i]).reshape(len(POINT_POSITIONS), -1) < 0
-        is_kept = np.tile(~reverses.any(axis=0), len(POINT_POSITIONS))
-        torques = path.torque_rows(i, drive, motor, np.full(len(direction), smallest))
+        speeds = np.array([0.0, drive.ratio * path.robot.joints[i].velocity])
+        smallest = friction_coefficient(required_friction(drive), speeds).min()
         name = MotorTorque.name, path.robot.joints[i].name
-        rows += [(name, is_kept * side) for side in torques]
+        rows += [(name, side) for side in path.torque_rows(i, drive, motor, smallest)]
     return rows
 
 
-def _number_unknowns(a: Array, slack: Array, may_jump_at: Mask) -> Array:
+def _number_unknowns(slack: Array, may_jump_at: Mask) -> Array:
     """Number the unknown multipliers of the linear program.
 
     The end of an interval and the start of the next one share an unknown. They have two unknowns
-    where the speed limit may bind. Where a row is far from its limit, or where its coefficient
-    jumps, its multiplier is 0 and not an unknown.
+    where λ may jump. Where a row is far from its limit, its multiplier is 0 and not an unknown.
 
     Parameters
     ----------
-    a : (5n, rows) array
-        Coefficients of s̈.
     slack : (5n, rows) array
         Distances of the rows from their limits.
     may_jump_at : (n − 1,) array of bool
-        True at inner grid points where the speed limit may bind.
+        True at inner grid points where λ may jump.
 
     Returns
     -------
@@ -394,15 +392,11 @@ def _number_unknowns(a: Array, slack: Array, may_jump_at: Mask) -> Array:
         Numbers of the unknowns at the starts and at the ends of the intervals, or −1.
     """
     count = len(may_jump_at) + 1
-    end_slack = np.full((2, count + 1, a.shape[1]), np.inf)
+    end_slack = np.full((2, count + 1, slack.shape[1]), np.inf)
     end_slack[0, :-1], end_slack[1, 1:] = slack[:count], slack[-count:]
     may_bind = end_slack < BINDING_MARGIN
     may_jump = np.concatenate([[True], may_jump_at, [True]])[:, None]
-    jumps = np.zeros_like(may_bind[0])
-    jumps[1:-1] = np.abs(a[1:count] - a[-count:-1]) > COEFFICIENT_JUMP_TOLERANCE * np.abs(a).max(
-        axis=0
-    )
-    shared = may_bind.any(axis=0) & ~may_jump & ~jumps
+    shared = may_bind.any(axis=0) & ~may_jump
     single = may_bind & may_jump
     numbers = np.full(may_bind.shape, -1)
     numbers[:, shared] = np.arange(shared.sum())
@@ -410,31 +404,8 @@ def _number_unknowns(a: Array, slack: Array, may_jump_at: Mask) -> Array:
     return np.stack([numbers[0, :-1], numbers[1, 1:]])
 
 
-def _multiplier_matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
-    """Return the matrix from the unknowns to Σ factor · λ at all points, (5n, unknowns).
-
-    Parameters
-    ----------
-    factors : (5, n, rows) array
-        Factors of the multipliers.
-    weights : (2, 5, n) array
-        Weights with which the unknowns at the start and at the end of an interval contribute to λ.
-    unknowns : (2, n, rows) array
-        Numbers of the unknowns, see `_number_unknowns`.
-    """
-    from scipy.sparse import csr_matrix
-
-    shape = factors.shape[0] * factors.shape[1], unknowns.max(initial=-1) + 1
-    side, interval, row = np.nonzero(unknowns >= 0)
-    values = factors[:, interval, row] * weights[side, :, interval].T
-    points = np.arange(shape[0]).reshape(factors.shape[:2])[:, interval]
-    columns = np.broadcast_to(unknowns[side, interval, row], points.shape)
-    entries: Any = points.ravel(), columns.ravel()
-    return csr_matrix((values.ravel(), entries), shape)
-
-
 def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
-    """Compute the smallest values of the integrand 1/y + p y² + κ y for 0 < y ≤ max_speed.
+    """Compute the speeds 0 < y ≤ max_speed at which 1/y + p y² + κ y is smallest.
 
     The function is convex for y³ ≤ −1/p, or everywhere if p ≥ 0, and concave beyond. Its minimum is
     therefore in the convex part, where bisection finds it, or at y = max_speed.
@@ -449,7 +420,7 @@ def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
     Returns
     -------
     (points,) array
-        Smallest value at each point.
+        y at each point. It is equal to max_speed if no smaller speed is better.
     """
     end_of_convex_part = np.minimum(max_speed, np.cbrt(1 / np.maximum(-p, MIN_DIVISOR)))
     low = np.zeros_like(p)
@@ -459,6 +430,10 @@ def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
         rises = 2 * p * y**3 + kappa * y**2 > 1
         low = np.where(rises, low, y)
         high = np.where(rises, y, high)
-    inner_value = 1 / high + p * high**2 + kappa * high
-    end_value = 1 / max_speed + p * max_speed**2 + kappa * max_speed
-    return np.minimum(inner_value, end_value)
+    is_inner = _integrand(high, p, kappa) < _integrand(max_speed, p, kappa)
+    return np.where(is_inner, high, max_speed)
+
+
+def _integrand(y: Array, p: Array, kappa: Array) -> Array:
+    """Return the integrand 1/y + p y² + κ y at each point."""
+    return 1 / y + p * y**2 + kappa * y

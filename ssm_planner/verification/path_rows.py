@@ -8,7 +8,7 @@ has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every row is a limited quantity d
 
 import numpy as np
 
-from ssm_planner.dynamics import REST_FRACTION, RigidBody, motor_torque_rows, output_effort
+from ssm_planner.dynamics import RigidBody, motor_torque_rows, output_effort
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.problem import (
     TASK_COORDINATES,
@@ -20,11 +20,14 @@ from ssm_planner.problem import (
     TaskLimits,
     TaskRate,
 )
-from ssm_planner.trajectory import DEGREE, Trajectory, part_indices
-from ssm_planner.typing import Array, Mask, record
+from ssm_planner.trajectory import SHORTEST_PIECE, Trajectory, part_indices
+from ssm_planner.typing import Array, Indices, Mask, record
+from ssm_planner.verification.pieces import build_piece_block, rest_speeds
 
-PATH_INTERVALS = 200
-"""Approximate number n of intervals of a motion. Every polynomial piece has at least one."""
+PATH_INTERVALS = 100
+"""Approximate number of intervals of a motion before refinement."""
+SMOOTH_JUMP = 1e-4
+"""Largest jump of an acceleration within an interval, as a share of its limit."""
 MIN_SPEED_RATIO = 1e-9
 """Smallest result of `largest_speed_ratio`, which prevents a division by 0 where nothing moves."""
 PROBE_STATES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
@@ -74,7 +77,11 @@ class PathRows:
     q: Array
     """Joint positions, (m n, 4)."""
     direction: Array
-    """Direction of every joint, (m n, 4). It is 0 if both ends have the same position."""
+    """Direction of every joint, (m n, 4).
+
+    It is 0 in an interval where the joint reverses or has the same position at both ends. Torque
+    limits are left out there.
+    """
     speed: Array
     acceleration: Array
     effort: Array
@@ -87,7 +94,7 @@ class PathRows:
         robot: Robot,
         span: tuple[float, float],
         point_positions: tuple[float, ...],
-        refinement: int = 1,
+        refinement: int = 2,
     ) -> "PathRows":
         """Return the path between two times.
 
@@ -104,25 +111,25 @@ class PathRows:
         refinement : int
             Factor on the number of intervals.
         """
-        first_piece = int(trajectory.piece_of(np.array(span[:1]))[0])
-        last_piece = int(trajectory.piece_of(np.array(span[1:]), "left")[0])
-        lengths = np.diff(trajectory.breaks[first_piece : last_piece + 2])
+        first, last = np.searchsorted(trajectory.breaks, np.array(span) - SHORTEST_PIECE / 2)
+        sections, moves = _smooth_sections(trajectory, robot, slice(first, last))
+        knots = trajectory.breaks[np.append(sections, last)]
+        lengths = np.diff(knots)
         counts = np.maximum(np.rint(PATH_INTERVALS * lengths / lengths.sum()), 1).astype(int)
         counts *= refinement
-        piece_index, k = part_indices(counts)
-        width = (lengths / counts)[piece_index]
-        times = np.concatenate([(k + share) * width for share in point_positions])
-        samples = trajectory.sample_pieces(
-            np.tile(first_piece + piece_index, len(point_positions)), times
-        )
+        index, k = part_indices(counts)
+        width = (lengths / counts)[index]
+        starts = knots[index] + k * width
+        positions = np.array(point_positions)
+        times = (starts + np.multiply.outer(positions, width)).ravel()
+        # The ends of an interval belong to the pieces in its interior.
+        inward = np.multiply.outer(0.5 - positions, 1e-6 * width).ravel()
+        piece = trajectory.piece_of(times + inward)
+        samples = trajectory.sample_pieces(piece, times - trajectory.breaks[piece])
         q = samples.q.reshape(len(point_positions), -1, 4)
         travel = q[-1] - q[0]
-        rest_speed = REST_FRACTION * robot.velocities
-        advances = np.abs(travel) > rest_speed * width[:, None]
-        powers = lengths[:, None] ** np.arange(1, DEGREE + 1)
-        rates = np.abs(trajectory.pieces(slice(first_piece, last_piece + 1))[:, 1:])
-        travelled = np.einsum("np,npj->nj", powers, rates)
-        moves = (travelled > rest_speed * lengths[:, None]).any(axis=1)[piece_index]
+        direction = np.sign(travel) * (np.abs(travel) > rest_speeds(robot) * width[:, None])
+        direction[(direction * samples.qd.reshape(q.shape) < 0).any(axis=0)] = 0.0
         speed = np.stack([rate * samples.qd for _, rate in PROBE_STATES])
         acceleration = np.stack(
             [u * samples.qd + rate**2 * samples.qdd for u, rate in PROBE_STATES]
@@ -130,17 +137,21 @@ class PathRows:
         body = RigidBody.from_robot(robot)
         motions = zip(speed, acceleration, strict=True)
         effort = np.stack([body.inverse_dynamics(samples.q, *motion) for motion in motions])
-        direction = np.tile(np.sign(travel) * advances, (len(point_positions), 1))
         return cls(
             robot,
             width,
-            np.tile(moves, len(point_positions)),
+            np.tile(moves[index], len(point_positions)),
             samples.q,
-            direction=direction,
+            direction=np.tile(direction, (len(point_positions), 1)),
             speed=speed,
             acceleration=acceleration,
             effort=effort,
         )
+
+    @property
+    def grid(self) -> Array:
+        """Positions s of the ends of the intervals, (n + 1,), s."""
+        return np.append(0.0, np.cumsum(self.lengths))
 
     def acceleration_rows(self) -> list[Array]:
         """Return the rows of the acceleration limits.
@@ -212,3 +223,39 @@ class PathRows:
         for name, rate in limits.rates.items():
             uses[TaskRate.name_of(name), None] = rates[:, TASK_COORDINATES.index(name)] / rate
         return uses
+
+
+def _smooth_sections(trajectory: Trajectory, robot: Robot, pieces: slice) -> tuple[Indices, Mask]:
+    """Divide a motion into sections of one or more pieces, in which intervals can cross breaks.
+
+    A section ends where an acceleration jumps, where a joint starts, stops or reverses, or after
+    about 1/`PATH_INTERVALS` of the pieces.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+    robot : Robot
+        The robot with its limits.
+    pieces : slice
+        Indices of the polynomial pieces of the motion.
+
+    Returns
+    -------
+    first_pieces : (m,) array
+        Index of the first piece of every section.
+    moves : (m,) array of bool
+        True if a joint moves in the section.
+    """
+    times = trajectory.breaks[pieces.start : pieces.stop + 1]
+    block = build_piece_block(times[:-1], np.diff(times), trajectory.pieces(pieces))
+    starts, ends = block.end_states
+    moves = block.moving_joints(robot)
+    directions = np.sign(ends[:, 0] - starts[:, 0]) * moves
+    turns = np.diff(np.hstack([directions, moves]), axis=0)
+    jumps = np.abs(starts[1:, 2] - ends[:-1, 2]) > SMOOTH_JUMP * robot.accelerations
+    # The pieces are short where the motion changes quickly.
+    group = np.arange(len(moves)) // max(1, len(moves) // PATH_INTERVALS)
+    is_last = np.column_stack([turns, jumps, np.diff(group)]).any(axis=1)
+    first = np.append(0, np.flatnonzero(is_last) + 1)
+    return pieces.start + first, moves[first].any(axis=1)

@@ -154,10 +154,10 @@ def piece_blocks(trajectory: Trajectory) -> Iterator[PieceBlock]:
     """Yield all pieces of a trajectory in order, in blocks of at most `PIECES_PER_BLOCK`."""
     for block in blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK):
         lengths = np.diff(trajectory.breaks[block.start : block.stop + 1])
-        yield _build_piece_block(trajectory.breaks[block], lengths, trajectory.pieces(block))
+        yield build_piece_block(trajectory.breaks[block], lengths, trajectory.pieces(block))
 
 
-def _build_piece_block(start: Array, length: Array, coefficients: Array) -> PieceBlock:
+def build_piece_block(start: Array, length: Array, coefficients: Array) -> PieceBlock:
     """Build a block of pieces on s ∈ [0, 1] from polynomials in time.
 
     Parameters

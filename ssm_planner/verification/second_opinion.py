@@ -14,7 +14,8 @@ and the tangents of √x are taken at the speeds of the previous pass. The first
 the speeds of the motion.
 
 The error of a duration T is proportional to the length of the grid intervals. The result is
-therefore the extrapolation 2 T(2n) − T(n) of the durations on n and 2n intervals.
+therefore the extrapolation 2 T(2n) − T(n) of the durations on n and 2n intervals. The grid is
+refined until the estimated error is at most `GRID_TOLERANCE`.
 
 Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018.
@@ -38,20 +39,24 @@ from ssm_planner.verification.path_bound import Sensitivity, path_bound
 from ssm_planner.verification.path_rows import PathRows, row_coefficients
 from ssm_planner.verification.proof import Proof, prove_motion
 
-INTERVAL_ENDS = (0.0, 1.0)
-"""Positions in a grid interval at which the rows hold, as fractions."""
-GRID_REFINEMENTS = (1, 2, 4, 8)
-"""Factors on the number of grid intervals, which are tried one after the other."""
-GRID_TOLERANCE = 5e-5
-"""Largest relative difference of T(n) and T(2n) at which the refinement ends.
+GRID_TOLERANCE = 1e-5
+"""Largest estimate of the relative error of toppra's duration at which the refinement ends.
 
-The error of the result is then about 1e-5.
+The estimate is the median of three differences: between T(n) and T(2n), between the last two
+extrapolated durations, and between the extrapolated duration and the lower bound. One of them alone
+can be small by coincidence. A duration below the bound by more than this tolerance is an error of
+toppra.
 """
-SAVED_TIME_TOLERANCE = 0.05
-"""Largest difference of T(n) and T(2n), as a share of the time that toppra saves.
+SAVED_TIME_TOLERANCE = 0.01
+"""Largest estimate of the error, as a share of the difference between toppra and the motion.
 
-The refinement also ends at this difference, which suffices for motions that are much slower than
-necessary.
+The refinement also ends at this estimate, which is larger for motions that are more than 0.1 %
+slower or faster than toppra's.
+"""
+LARGEST_BOUND_GAP = 5e-5
+"""Largest relative distance of the bound from toppra's duration.
+
+If the distance is larger, the bound is computed again on the next grid.
 """
 MAX_PASSES = 12
 """Largest number of passes, that is, of calls of toppra with updated friction."""
@@ -102,20 +107,18 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
     """
     reason = _unsupported_requirement(problem)
     spans = trajectory.phases
-    requests = [_unsupported_request(entry) for entry in problem.motion]
+    requests = [reason or _unsupported_request(entry) for entry in problem.motion]
     if len(requests) != len(spans):  # scans and rounded corners
         requests = [next(filter(None, requests), "")] * len(spans)
     opinions = []
     for span, request in zip(spans, requests, strict=True):
         if span.start == span.end:
             opinions.append(Opinion(duration=0.0, bound=0.0, sensitivities=()))
-        elif reason or request:
-            opinions.append(Opinion(not_judged=reason or request))
+        elif request:
+            opinions.append(Opinion(not_judged=request))
         else:
-            opinion = shortest_path_duration(
-                trajectory, problem.robot, problem.task_limits, (span.start, span.end)
-            )
-            opinions.append(opinion)
+            arguments = trajectory, problem.robot, problem.task_limits
+            opinions.append(shortest_path_duration(*arguments, (span.start, span.end)))
     return tuple(opinions)
 
 
@@ -148,21 +151,34 @@ def shortest_path_duration(
         Duration, lower bound and sensitivities. The duration is None if toppra finds no timing or
         does not converge.
     """
-    path_arguments = trajectory, robot, limits, span
-    coarse, timing = np.inf, None
-    for refinement in GRID_REFINEMENTS:
-        path = PathRows.from_trajectory(trajectory, robot, span, INTERVAL_ENDS, refinement)
-        squares = _fastest_timing(path, path.largest_speed_ratio(limits))
-        if squares is None:
+    grid, squares = np.array(span) - span[0], np.ones(2)
+    duration = estimate = np.inf
+    bound, changes = None, None
+    for refinement in (1, 2, 4, 8, 16, 32):
+        path = PathRows.from_trajectory(trajectory, robot, span, (0.0, 1.0), refinement)
+        coarse_grid, grid = grid, path.grid
+        # The friction converges on the first grid. It changes little on the finer ones.
+        tolerance = PASS_TOLERANCE if refinement == 1 else np.inf
+        result = _fastest_timing(
+            path, path.largest_speed_ratio(limits), np.interp(grid, coarse_grid, squares), tolerance
+        )
+        if result is None:
             break
-        timing = squares if timing is None else timing
-        duration = _timing_duration(path, squares)
-        saved = path.lengths.sum() - duration
-        if abs(coarse - duration) <= max(GRID_TOLERANCE * duration, SAVED_TIME_TOLERANCE * saved):
-            bound, changes = path_bound(*path_arguments, timing)
-            return Opinion(2 * duration - coarse, bound, changes)
-        coarse = duration
-    bound, _ = path_bound(*path_arguments, timing)
+        squares = result
+        # After the first grid, the estimate is −∞, so that the refinement continues.
+        coarse, duration = duration, _timing_duration(path, squares)
+        previous_estimate, estimate = estimate, 2 * duration - coarse
+        if (bound or 0.0) < (1 - LARGEST_BOUND_GAP) * estimate:
+            bound, changes = path_bound(
+                trajectory, robot, limits, span, squares=squares, refinement=refinement
+            )
+        proven = bound or 0.0
+        differences = coarse - duration, estimate - previous_estimate, estimate - proven
+        saved = SAVED_TIME_TOLERANCE * abs(grid[-1] - duration)
+        is_close = np.median(np.abs(differences)) <= max(GRID_TOLERANCE * duration, saved)
+        if is_close and estimate >= (1 - GRID_TOLERANCE) * proven:
+            return Opinion(max(estimate, proven), bound, changes)
+    bound = bound or path_bound(trajectory, robot, limits, span)[0]
     return Opinion(bound=bound, not_judged="toppra does not converge")
 
 
@@ -185,7 +201,7 @@ def _unsupported_request(entry: Any) -> str:
     return "a duration is requested" if timed else ""
 
 
-def _fastest_timing(path: PathRows, use: Array) -> Array | None:
+def _fastest_timing(path: PathRows, use: Array, squares: Array, tolerance: float) -> Array | None:
     """Compute the fastest timing of a path with toppra.
 
     Friction depends on the speed, so several passes are necessary. Each pass takes the friction at
@@ -197,6 +213,10 @@ def _fastest_timing(path: PathRows, use: Array) -> Array | None:
         The path at both ends of n intervals.
     use : (2n,) array
         Largest ratio of a speed to its limit at ṡ = 1.
+    squares : (n + 1,) array
+        ṡ² at the grid points. The first pass takes the friction at these speeds.
+    tolerance : float
+        Relative change of the duration at which the passes have converged.
 
     Returns
     -------
@@ -208,22 +228,25 @@ def _fastest_timing(path: PathRows, use: Array) -> Array | None:
     ceiling = np.minimum(np.append(start_ceiling, np.inf), np.append(np.inf, end_ceiling))
     # An end at rest rests for every ṡ. At a moving end ṡ ≤ 1 is allowed, because the motion itself
     # may exceed a limit by rounding.
-    start_speed, end_speed = np.where(use[[0, -1]] <= REST_FRACTION, MAX_PATH_SPEED, 1.0)
-    squares, grid = np.ones(len(path.lengths) + 1), np.append(0.0, np.cumsum(path.lengths))
-    duration = path.lengths.sum()
+    is_rest = use[[0, -1]] <= REST_FRACTION
+    start_speed, end_speed = np.where(is_rest, np.sqrt(ceiling[[0, -1]]), 1.0)
+    duration = _timing_duration(path, squares)
     for _ in range(MAX_PASSES):
         previous = duration
-        a, b, c = _linear_rows(path, squares)
-        count = len(path.lengths)
-        start_rows = (a[:count], b[:count], c[:count])
-        end_rows = (a[count:], b[count:], c[count:])
+        halves = [np.split(matrix, 2) for matrix in _linear_rows(path, squares)]
+        start_rows, end_rows = zip(*halves, strict=True)
         result = largest_speeds(
-            grid, start_rows, end_rows, ceiling, speeds=(start_speed, end_speed), exact_ends=False
+            path.grid,
+            start_rows,
+            end_rows,
+            ceiling,
+            speeds=(start_speed, end_speed),
+            exact_ends=False,
         )
         if result is None or result.min() <= 0:
             return None
         squares, duration = result, _timing_duration(path, result)
-        if abs(duration - previous) <= PASS_TOLERANCE * duration:
+        if abs(duration - previous) <= tolerance * duration:
             return squares
     return None
 
@@ -273,14 +296,11 @@ def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
         mu = friction_coefficient(
             required_friction(drive), drive.ratio * path.speed[2, :, i] * root
         )
-        sides = path.torque_rows(i, drive, motor, mu)
-        shares = []
-        for side in sides:
-            a, b, c, k = row_coefficients(side)
-            shares.append(a * u + b * x + c + k * root)
+        first, second = path.torque_rows(i, drive, motor, mu)
+        a, b, c, k = row_coefficients(first - second)
         # The larger side is the torque, and the torque is at least −1.
-        rows += sides
-        rows.append(-np.where(shares[0] > shares[1], sides[0], sides[1]))
+        torque = np.where(a * u + b * x + c + k * root > 0, first, second)
+        rows += [first, second, -torque]
     a, b, c, k = row_coefficients(np.stack(rows, axis=2))
     root = root[:, None]
     return a, b + k / (2 * root), c + k * root / 2

@@ -14,7 +14,7 @@ from ssm_planner.problem import Robot
 from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Trajectory, join_sections, rest_coefficients
 from ssm_planner.verification import path_rows
-from ssm_planner.verification.path_bound import _minimise_integrand, path_bound
+from ssm_planner.verification.path_bound import _integrand, _minimise_integrand, path_bound
 from ssm_planner.verification.second_opinion import Opinion, shortest_path_duration
 from tests.campaign.opinions import weakened, with_friction
 from tests.support.paths import ROOT
@@ -122,7 +122,8 @@ def test_the_smallest_value_is_exact() -> None:
     """The stationary points of 1/y + p y² + κ y are the roots of a cubic."""
     rng = np.random.default_rng(1)
     p, kappa, fastest = rng.uniform(-1, 3, 300), rng.uniform(-1, 3, 300), rng.uniform(0.2, 5, 300)
-    for values in zip(p, kappa, fastest, _minimise_integrand(p, kappa, fastest), strict=True):
+    smallest = _integrand(_minimise_integrand(p, kappa, fastest), p, kappa)
+    for values in zip(p, kappa, fastest, smallest, strict=True):
         weight, slope, end, least = values
         roots = Polynomial([-1.0, 0.0, slope, 2 * weight]).roots()
         real = roots[np.abs(roots.imag) < 1e-9].real

@@ -23,7 +23,13 @@ from ssm_planner.plans import (
 from ssm_planner.problem import Dwell, Free, Robot
 from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Trajectory, join_sections, rest_coefficients
-from ssm_planner.verification.second_opinion import second_opinions, shortest_path_duration
+from ssm_planner.verification import path_rows
+from ssm_planner.verification.path_rows import PathRows
+from ssm_planner.verification.second_opinion import (
+    GRID_TOLERANCE,
+    second_opinions,
+    shortest_path_duration,
+)
 from tests.campaign.opinions import judged, weakened, with_friction
 from tests.support.cases import drawn
 from tests.support.paths import ROOT
@@ -133,6 +139,52 @@ def test_rests_within_a_phase_keep_their_duration() -> None:
     both = join_sections([("", motion.breaks, motion.coefficients), ("", *rest)])
     duration = shortest_path_duration(both, problem.robot, problem.task_limits, (0.0, 2.2)).duration
     assert duration == pytest.approx(expected + 0.7, rel=SLOW_ERROR)
+
+
+def test_a_phase_at_rest_keeps_its_duration() -> None:
+    """Toppra and the bound give the duration of a dwell, because no joint moves."""
+    problem = load_problem("tilt_insert")
+    breaks, coefficients = np.array([0.0, 0.2]), rest_coefficients(np.array([0.3, 1.15, 0.1, 0.0]))
+    motion = Trajectory(breaks, coefficients, ())
+    opinion = shortest_path_duration(motion, problem.robot, problem.task_limits, (0.0, 0.2))
+    assert opinion.duration == pytest.approx(0.2, rel=1e-6)
+    assert opinion.bound == pytest.approx(0.2, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
+def test_the_duration_does_not_depend_on_the_grid(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The error of toppra's extrapolated duration is at most GRID_TOLERANCE."""
+    result = load_plan(ROOT / "results" / name)
+    durations = []
+    for intervals in (path_rows.PATH_INTERVALS, 500):
+        monkeypatch.setattr(path_rows, "PATH_INTERVALS", intervals)
+        opinions = second_opinions(result.motion, result.problem)
+        durations.append([opinion.duration for opinion in opinions])
+    assert durations[0] == pytest.approx(durations[1], rel=GRID_TOLERANCE)
+
+
+def test_sections_end_where_the_acceleration_jumps_or_a_joint_reverses() -> None:
+    """Intervals cross a break only if the motion is smooth there and no joint turns."""
+    problem = load_problem("tilt_insert")
+    motion, _ = bang_bang(problem.robot, 2, 0.4)
+    t = np.linspace(0.0, 1.5, 403)  # the joint reverses within a group of 8 pieces
+    samples = motion.sample(t)
+    smooth = Trajectory.from_samples(t, samples.q, samples.qd, samples.qdd)
+    back = smooth.sample(t[::-1])
+    there_and_back = Trajectory.from_samples(
+        np.append(t, 1.5 + t[1:]),
+        np.vstack([samples.q, back.q[1:]]),
+        np.vstack([samples.qd, -back.qd[1:]]),
+        np.vstack([samples.qdd, back.qdd[1:]]),
+    )
+    for whole in (smooth, there_and_back):
+        end = float(whole.breaks[-1])
+        path = PathRows.from_trajectory(whole, problem.robot, (0.0, end), (0.0, 1.0), 1)
+        assert len(path.lengths) <= 1.1 * path_rows.PATH_INTERVALS
+        assert path.lengths.sum() == pytest.approx(end)
+        assert (np.abs(path.direction[:, 2]) == 1).all()
 
 
 @pytest.mark.parametrize(
