@@ -46,7 +46,8 @@ def run(quick: bool) -> Section:
         "identifies load-dependent, directional and Stribeck friction, too. Its model M5 has nine parameters, and is fitted "
         "here to the same points by least squares from twelve starts. Neither model is closer on all rigs. M5 does not use "
         "the geometry of worm or screw, and a single load per rig cannot separate its four load coefficients from its "
-        "constant friction, so that it says little about other loads. The parameters that the rigs' authors published stand beside."
+        "constant friction, so that it says little about other loads. The parameters that the rigs' authors "
+        "published stand beside."
     )
     rows = []
     for rig, recorded in RIGS:
