@@ -121,7 +121,8 @@ def assign_recordings(texts: Sequence[str], robot: Robot) -> list[tuple[str, Pat
             file = text
         if joint not in names:
             raise RecordingError(
-                f"{text}: the joint of this recording is unknown; write JOINT=FILE with one of {', '.join(names)}"
+                f"{text}: the joint of this recording is unknown; write JOINT=FILE with one of "
+                f"{', '.join(names)}"
             )
         if joint in assignments:
             raise RecordingError(f"{text}: a second recording of joint {joint}")
