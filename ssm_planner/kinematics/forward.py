@@ -2,10 +2,9 @@
 
 The equation numbers are those of the paper. The rotation e^{ω̂θ} about an axis ω is linear in the
 terms 1, cos θ and sin θ. The orientation R of the tool is therefore a constant matrix times the 27
-products of these terms for three joints. The tool axis and the columns of the Jacobian need the
-nine products of two joints. One matrix product evaluates a block of configurations that fits into
-the cache. Functions whose names end with _symbolic express the same equations for one configuration
-in CasADi.
+products of these terms for three joints. One matrix product evaluates a block of configurations
+that fits into the cache. Functions whose names end with _symbolic express the same equations for
+one configuration in CasADi.
 """
 
 from collections.abc import Callable, Iterable
@@ -67,14 +66,11 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     rotations = np.empty((len(q), 9))
     positions = np.empty((len(q), 3))
     for block in blocks(len(q), CONFIGURATIONS_PER_BLOCK):
-        terms = [_trigonometric_terms(q[block, i]) for i in range(3)]
-        _write_poses(
-            mechanism,
-            q[block, 3],
-            _term_products(terms[0], terms[1]),
-            terms[2],
-            results=(rotations[block], positions[block]),
-        )
+        terms_1, terms_2, terms_3 = (_trigonometric_terms(q[block, i]) for i in range(3))
+        products = _term_products(_term_products(terms_1, terms_2), terms_3)
+        np.matmul(products.T, mechanism.orientation_terms, out=rotations[block])
+        # The z column of the orientation is the tool axis.
+        np.multiply(rotations[block, 2::3], q[block, 3:], out=positions[block])
     return rotations.reshape(-1, 3, 3), positions
 
 
@@ -120,14 +116,14 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
         Jacobians. Rows 0 to 2 belong to v and rows 3 to 5 to ω.
     """
     q = check_rows("q", q, 4)
-    jacobians = np.empty((len(q), 24))
-    space = _space_jacobian_terms(mechanism)
-    for block in blocks(len(q), CONFIGURATIONS_PER_BLOCK):
-        products = _term_products(
-            _trigonometric_terms(q[block, 0]), _trigonometric_terms(q[block, 1])
-        )
-        np.matmul(products.T, space, out=jacobians[block])
-    return jacobians.reshape(-1, 6, 4)
+    jacobians = np.zeros((len(q), 6, 4))
+    tool = forward(mechanism, q)[0][:, :, 2]
+    jacobians[:, 3:, 0] = mechanism.omega1
+    term_1 = mechanism.exponentials[0]
+    jacobians[:, 3:, 1] = _trigonometric_terms(q[:, 0]).T @ (term_1 @ mechanism.omega2)
+    jacobians[:, 3:, 2] = tool
+    jacobians[:, :3, 3] = tool
+    return jacobians
 
 
 def _trigonometric_terms(angle: Array) -> Array:
@@ -166,65 +162,6 @@ def _term_products(a: Array, b: Array) -> Array:
         Products. Row i · m + j is a[i] · b[j].
     """
     return (a[:, np.newaxis] * b[np.newaxis]).reshape(len(a) * len(b), -1)
-
-
-def _write_poses(
-    mechanism: Mechanism,
-    theta4: Array,
-    products_12: Array,
-    terms_3: Array,
-    *,
-    results: tuple[Array, Array],
-) -> None:
-    """Compute orientations and tip positions of `forward`, and write them into given arrays.
-
-    The orientation is linear in the 27 products of the terms of joints 1 to 3. The z column of the
-    orientation is the tool axis, so the tip position is this column times θ4.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Axes and tool frame.
-    theta4 : (n,) array
-        Positions of joint 4 (m).
-    products_12 : (9, n) array
-        Products of the terms (1, cos θ, sin θ) of joint 1 and joint 2.
-    terms_3 : (3, n) array
-        Terms (1, cos θ, sin θ) of joint 3.
-    results : ((n, 9) array, (n, 3) array)
-        Arrays that receive the rows of R one after the other, and the tip positions (m).
-    """
-    rotations, positions = results
-    np.matmul(_term_products(products_12, terms_3).T, mechanism.orientation_terms, out=rotations)
-    np.multiply(rotations[:, 2::3], theta4[:, np.newaxis], out=positions)
-
-
-def _space_jacobian_terms(mechanism: Mechanism) -> Array:
-    """Compute the constant matrix that turns products of trigonometric terms into space Jacobians.
-
-    The columns of the Jacobian (`space_jacobian`) are ω1, a2 = e^{ω̂1 θ1} ω2 and a3 = e^{ω̂1 θ1}
-    e^{ω̂2 θ2} ω3 in zeros. Each is a linear combination of the products of the terms (1, cos θ, sin
-    θ) of joints 1 and 2.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Axes of the robot.
-
-    Returns
-    -------
-    (9, 24) array
-        One row for each product, in the order of `_term_products`, and one column for each entry of
-        a Jacobian (6, 4).
-    """
-    term_1, term_2, _ = mechanism.exponentials
-    terms = np.zeros((3, 3, 6, 4))
-    terms[0, 0, 3:, 0] = mechanism.omega1
-    terms[:, 0, 3:, 1] = term_1 @ mechanism.omega2
-    tool = np.einsum("aij,bjk,k->abi", term_1, term_2, mechanism.omega3)
-    terms[:, :, 3:, 2] = tool
-    terms[:, :, :3, 3] = tool
-    return terms.reshape(9, 24)
 
 
 def forward_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "tuple[casadi.SX, casadi.SX]":

@@ -102,6 +102,11 @@ class Ripple(Value):
                     f"{len(self.torque)} values, at least 1",
                 )
 
+    def scaled(self, factor: float) -> "Ripple":
+        """Return the ripple with all torques multiplied by a factor."""
+        torques = (self.torque, self.ripple, self.noise, self.peak)
+        return Ripple(*(tuple(factor * value for value in values) for values in torques))
+
     def draw(self, rng: np.random.Generator, count: int, known: float = 0.0) -> Array:
         """Draw random deviations of single samples from the mean torque.
 
@@ -417,6 +422,23 @@ class Posterior(Value):
     def column(self, name: str) -> Array:
         """Return the values of one parameter, (sets,)."""
         return self.draws[:, self.names.index(name)]
+
+    def scaled(self, factors: Mapping[str, float], torque: float) -> "Posterior":
+        """Return the posterior for another shaft, without the data of the recordings' speeds.
+
+        Parameters
+        ----------
+        factors : mapping of float
+            Factors on parameters, by name. The other parameters do not change.
+        torque : float
+            Factor on the torques of the ripple.
+        """
+        return Posterior(
+            self.names,
+            self.draws * [factors.get(name, 1.0) for name in self.names],
+            forwards=self.forwards and self.forwards.scaled(torque),
+            backwards=self.backwards and self.backwards.scaled(torque),
+        )
 
     def interval(self, name: str, confidence: float = CONFIDENCE) -> Range:
         """Return the central interval (low, high) of one parameter, in SI units."""

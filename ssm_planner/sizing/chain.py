@@ -15,7 +15,7 @@ from ssm_planner.loading import CatalogueEntry
 from ssm_planner.problem import Drive, Gearhead
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import rotor_range
-from ssm_planner.typing import record
+from ssm_planner.typing import Keywords, record
 
 
 @record
@@ -64,24 +64,28 @@ def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
     Raises
     ------
     ProblemError
-        If the joint has a gearhead already, or if the uncertainty of its friction is not stated as
-        ranges.
+        If the joint has a gearhead already.
     """
     drive = load.drive
     friction = required_friction(drive)
-    if drive.gearhead is not None or friction.posterior is not None or friction.covariance:
+    if drive.gearhead is not None:
         raise ProblemError(
-            "a catalogue of gearheads needs a drive without gearhead, covariance and posterior",
+            "a catalogue of gearheads needs a drive without gearhead",
             file=drive.file,
             key=load.joint,
-            allowed="a drive with friction_ranges, or --spread",
         )
     ratio, forwards = gearhead.ratio, gearhead.forwards
     factors = {"b_c": forwards, "b_v": forwards / ratio}
-    scaled = {name: factor * getattr(friction, name) for name, factor in factors.items()}
-    for name in ("stribeck_speed", "identified_speed"):
-        speed = getattr(friction, name)
-        scaled[name] = None if speed is None else ratio * speed
+    factors |= dict.fromkeys(("stribeck_speed", "identified_speed"), ratio)
+    scaled: Keywords = {}
+    for name, factor in factors.items():
+        value = getattr(friction, name)
+        scaled[name] = None if value is None else factor * value
+    posterior = friction.posterior and friction.posterior.scaled(factors, forwards)
+    covariance = friction.covariance and {
+        a: {b: factors.get(a, 1.0) * factors.get(b, 1.0) * value for b, value in row.items()}
+        for a, row in friction.covariance.items()
+    }
     ranges = {
         name: (factors.get(name, 1.0) * low, factors.get(name, 1.0) * high)
         for name, (low, high) in drive.friction_ranges.items()
@@ -95,7 +99,7 @@ def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
         drive,
         ratio=ratio * drive.ratio,
         input_inertia=high,
-        friction=replace(friction, **scaled),
+        friction=replace(friction, **scaled, posterior=posterior, covariance=covariance),
         friction_ranges=ranges,
         gearhead=gearhead,
         placeholders=drive.placeholders + ("gearhead",) * gearhead.placeholder,

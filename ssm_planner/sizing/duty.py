@@ -13,7 +13,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.problem import JOINTS, Motorisation, Problem, Robot, Stroke
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.trajectory import DEGREE, Span, Trajectory
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import record
 
 
 def back_and_forth(stroke: Stroke) -> Trajectory:
@@ -29,76 +29,26 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
         joints.
     """
     joint = JOINTS.index(stroke.joint)
-    times = _stroke_timing(2 * stroke.reach, stroke.velocity, stroke.acceleration)
+    acceleration = stroke.acceleration
     distance = 2 * stroke.reach
-    home = np.array(stroke.home, dtype=float)
-    home[joint] = stroke.centre - stroke.reach
-    forth = _stroke_coefficients(home, joint, times, stroke.acceleration)
-    turning_point = home.copy()
-    turning_point[joint] += distance
-    back = _stroke_coefficients(turning_point, joint, times, -stroke.acceleration)
-    breaks = np.concatenate([[0.0], np.cumsum(np.concatenate([times, times]))])
-    middle = float(breaks[len(times)])
-    end = float(breaks[-1])
-    phases = (Span("forth", 0.0, middle), Span("back", middle, end))
-    return Trajectory(breaks, np.concatenate([forth, back]), phases)
-
-
-def _stroke_timing(distance: float, velocity: float, acceleration: float) -> Array:
-    """Return the durations of the phases of a stroke from rest to rest.
-
-    Parameters
-    ----------
-    distance, velocity, acceleration
-        Distance of the stroke, velocity at constant speed and acceleration (rad or m, and s).
-
-    Returns
-    -------
-    (3,) or (2,) array
-        Durations of acceleration, constant speed and deceleration, s. If the distance is too short
-        to reach full speed, there is no phase of constant speed.
-    """
-    ramp = velocity / acceleration
-    cruise = distance / velocity - ramp
+    ramp = min(stroke.velocity / acceleration, math.sqrt(distance / acceleration))
+    cruise = distance / stroke.velocity - ramp
+    forth = [(ramp, acceleration), (cruise, 0.0), (ramp, -acceleration)]
     if cruise <= 0:
-        ramp = math.sqrt(distance / acceleration)
-        return np.array([ramp, ramp])
-    return np.array([ramp, cruise, ramp])
-
-
-def _stroke_coefficients(start: Array, joint: int, times: Array, acceleration: float) -> Array:
-    """Return the polynomials of one stroke, that is, a motion of one joint from rest to rest.
-
-    The joint accelerates uniformly, moves at constant velocity if there is a third piece, and
-    brakes uniformly.
-
-    Parameters
-    ----------
-    start : (4,) array
-        Joint positions at the start of the stroke, rad and m.
-    joint : int
-        Index of the joint that moves.
-    times : (2,) or (3,) array
-        Durations of the pieces, s.
-    acceleration : float
-        Acceleration in the first piece, rad/s² or m/s². Its sign is that of the stroke.
-
-    Returns
-    -------
-    (pieces, 6, 4) array
-        Coefficients of each piece in ascending powers of the time since its start.
-    """
-    signs = (1.0, -1.0) if len(times) == 2 else (1.0, 0.0, -1.0)
-    coefficients = np.zeros((len(times), DEGREE + 1, len(start)))
-    coefficients[:, 0] = start
-    position = start[joint]
+        del forth[1]
+    pieces = forth + [(time, -value) for time, value in forth]
+    breaks = np.cumsum([0.0, *(time for time, _ in pieces)])
+    coefficients = np.zeros((len(pieces), DEGREE + 1, len(stroke.home)))
+    coefficients[:, 0] = stroke.home
+    position = stroke.centre - stroke.reach
     velocity = 0.0
-    for i, (sign, time) in enumerate(zip(signs, times, strict=True)):
-        signed_acceleration = sign * acceleration
-        coefficients[i, :3, joint] = position, velocity, signed_acceleration / 2
-        position += velocity * time + signed_acceleration * time**2 / 2
-        velocity += signed_acceleration * time
-    return coefficients
+    for piece, (time, value) in zip(coefficients, pieces, strict=True):
+        piece[:3, joint] = position, velocity, value / 2
+        position += velocity * time + value * time**2 / 2
+        velocity += value * time
+    middle, end = breaks[len(forth)], breaks[-1]
+    phases = (Span("forth", 0.0, float(middle)), Span("back", float(middle), float(end)))
+    return Trajectory(breaks, coefficients, phases)
 
 
 PAUSE_OF_SINGLE_MOTION = 1e6

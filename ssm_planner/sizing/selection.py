@@ -592,8 +592,7 @@ def _assess_gear(
     A chain is the gear, alone or with one gearhead. If the gear is certainly self-locking, the
     torque of every chain is that of the gear, divided by the ratio and the efficiency of the
     gearhead, so it is computed once. Otherwise, the load can drive the gearheads, and each chain is
-    assessed on its own. A gear whose friction has a statistical distribution has only one chain,
-    see `with_gearhead`.
+    assessed on its own. The same applies if the friction has a statistical distribution.
 
     Parameters
     ----------
@@ -612,14 +611,14 @@ def _assess_gear(
     """
     load = chains[0]
     case = gear_case(load, conditions)
+    if len(chains) > 1 and (case.spread.names or not is_certainly_self_locking(case)):
+        # The torque of each chain has another distribution or another form.
+        for geared in chains:
+            yield from _assess_gear([geared], fleet, conditions)
+        return
     if case.spread.names:
         speed = relative_margin(load.peak_speed, fleet.max_speed)
         yield _assess_by_draws(load, fleet, conditions, drive_checks(case), speed)
-        return
-    if len(chains) > 1 and not is_certainly_self_locking(case):
-        # The mesh can drive the gearheads, so the torque of each chain has another form.
-        for geared in chains:
-            yield from _assess_gear([geared], fleet, conditions)
         return
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
     limited = {"torque": 1.0, "continuous_torque": share, "voltage": 1.0}

@@ -20,6 +20,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading import CatalogueEntry, read_gearheads, read_motors
 from ssm_planner.problem import Drive, Gearhead, Motor
 from ssm_planner.sizing import Conditions, JointLoad
+from ssm_planner.sizing.chain import with_gearhead
 from ssm_planner.sizing.selection import select_joint
 
 CHAINS = int(os.environ.get("CHAINS", "600"))
@@ -195,6 +196,71 @@ def test_a_selection_gives_the_answers_of_each_chain(mu: float | None):
         margins = {check.name: check.margin for check in verdict.checks}
         for name, values in selection.margins.items():
             assert margins[name] == pytest.approx(values[g, m], rel=1e-9, abs=1e-12)
+
+
+def with_friction(load: JointLoad, **values: object) -> JointLoad:
+    """Return the load with other values of the friction of its drive."""
+    return replace(load, drive=replace(load.drive, friction=replace(load.drive.friction, **values)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_torque_of_an_identified_chain_is_that_of_its_worst_draw(seed: int):
+    """With a confidence of 99 % and 12 draws, the demand is that of the worst draw.
+
+    The draws are evaluated at selected instants, which changes the RMS torque by up to 0.5 %.
+    """
+    tolerances = {"torque": 1e-6, "continuous_torque": 5e-3, "speed": 1e-9}
+    rng = np.random.default_rng(3500 + seed)
+    load = random_load(rng)
+    names = ("mu", "b_c", "b_v")
+    nominal = np.array([getattr(load.drive.friction, name) for name in names])
+    draws = nominal * rng.uniform(0.8, 1.25, (12, 3))
+    posterior = ssm.Posterior(names, draws)
+    head = replace(random_gearhead(rng), backward_efficiency=None)
+    motor = motors()[int(rng.integers(len(motors())))]
+    identified = select_joint(
+        load,
+        [motor],
+        [CatalogueEntry("worm", with_friction(load, posterior=posterior).drive)],
+        EXACT,
+        gearheads=[CatalogueEntry("head", head)],
+    )
+    static = load.drive.friction.mu_static / load.drive.friction.mu
+    demands: dict[str, list[float]] = {name: [] for name in tolerances}
+    is_driven = True
+    for mu, b_c, b_v in draws:
+        drawn = with_friction(load, mu=mu, mu_static=static * mu, mu_lowest=mu, b_c=b_c, b_v=b_v)
+        ratios, driven = oracle(drawn, head, motor.of)
+        is_driven &= driven
+        for name, values in demands.items():
+            values.append(ratios[name])
+    checks = {check.name: check for check in identified.verdict(1, 0).checks}
+    for name, values in demands.items():
+        demand = checks[name].worst / checks[name].limit
+        tolerance = tolerances[name]
+        assert demand >= max(values) * (1 - tolerance)
+        assert demand == pytest.approx(max(values), rel=tolerance) or not is_driven
+        assert identified.adequate[1, 0] < 1 or max(values) <= 1
+
+
+def test_a_gearhead_scales_the_spread_and_the_ripple_of_friction():
+    """Torques of the former shaft are divided by ratio and efficiency, slopes by ratio again."""
+    rng = np.random.default_rng(35)
+    load = random_load(rng)
+    head = random_gearhead(rng)
+    share = 1 / (head.ratio * head.efficiency)
+    ripple = ssm.Ripple(torque=(0.01,), ripple=(1e-3,), noise=(1e-4,), peak=(2e-3,))
+    names = ("mu", "b_c", "b_v", "stribeck_speed")
+    posterior = ssm.Posterior(names, rng.uniform(0.1, 0.2, (5, 4)), forwards=ripple)
+    factors = np.array([1.0, share, share / head.ratio, head.ratio])
+    friction = with_gearhead(with_friction(load, posterior=posterior), head).drive.friction
+    assert friction.posterior.draws == pytest.approx(posterior.draws * factors)
+    assert friction.posterior.ripple(1).peak == pytest.approx([2e-3 * share])
+    assert friction.posterior.ripple(-1) is None
+    covariance = {"mu": {"mu": 4e-4, "b_c": 1e-6}, "b_c": {"mu": 1e-6, "b_c": 1e-8}}
+    friction = with_gearhead(with_friction(load, covariance=covariance), head).drive.friction
+    assert friction.covariance["mu"] == pytest.approx({"mu": 4e-4, "b_c": 1e-6 * share})
+    assert friction.covariance["b_c"]["b_c"] == pytest.approx(1e-8 * share**2)
 
 
 def test_a_light_chain_suffices_for_roll():
