@@ -386,7 +386,7 @@ def check_coverage(counts: dict[str, tuple[int, int]]) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_intervals_called_separable_cover_the_truth(case):
     counts = coverage(case, 4, "given")
-    assert counts.keys() & CASES[case][2].keys(), "an interval is called separable"
+    assert counts["forwards"][1] == 4, "the intervals of both combinations are always counted"
     check_coverage(counts)
 
 
@@ -402,7 +402,7 @@ def test_they_cover_it_whichever_law_is_chosen():
     for case in CASES:
         for name, counted in coverage(case, selected(1, every=2), "auto").items():
             together[name] = tuple(np.add(together.get(name, (0, 0)), counted).tolist())
-    assert "mu" in together, "its interval is called separable"
+    assert together["forwards"][1] >= len(CASES)
     check_coverage(together)
 
 
