@@ -628,7 +628,7 @@ def trapezoidal_integral(time: Array, rate: Array) -> Array:
 
 def rms(values: Array) -> float:
     """Return the root mean square of values (n,)."""
-    return float(np.sqrt(np.mean(values**2)))
+    return math.sqrt(np.mean(values**2))
 
 
 def largest_magnitude(values: Array) -> float:

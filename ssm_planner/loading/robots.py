@@ -638,11 +638,8 @@ def _check_gyration(section: Section, body: Body) -> Body:
     Body
         The body unchanged.
     """
-    gyration = (
-        float(np.sqrt(principal_moments(body.mass, body.com, body.inertia)[2] / body.mass))
-        if body.mass > 0
-        else 0.0
-    )
+    largest_moment = principal_moments(body.mass, body.com, body.inertia)[2]
+    gyration = math.sqrt(largest_moment / body.mass) if body.mass else 0.0
     if gyration > LARGEST_GYRATION:
         reason = (
             f"implausible: a radius of gyration of {gyration:.3g} m; check the units of mass "

@@ -27,6 +27,7 @@ from ssm_planner.problem import (
     JOINTS,
     JUMP_NAMES,
     MESSAGE_UNITS,
+    ContinuousTorque,
     Free,
     LensClearance,
     MotorTorque,
@@ -700,9 +701,10 @@ def condition_lines(plan: "Plan") -> Iterator[str]:
 def cross_check_lines(plan: "Plan") -> Iterator[str]:
     """Yield lines on how the duration compares with toppra's duration and with the proven bound.
 
-    toppra is an independent program that computes the shortest duration along a path. Further lines
-    state the tip error that stated joint errors cause, and the limits whose increase by 1 % would
-    save most time. Phases that toppra cannot judge are listed with the reason.
+    toppra is an independent program that computes the shortest duration along a path, without the
+    limits on continuous torque. Further lines state the tip error that stated joint errors cause,
+    and the limits whose increase by 1 % would save most time. Phases that toppra cannot judge are
+    listed with the reason.
 
     Parameters
     ----------
@@ -721,6 +723,10 @@ def cross_check_lines(plan: "Plan") -> Iterator[str]:
             f"cross-check  {result['duration']:.4f} s by {result['by']}, the plan is "
             f"{abs(100 * result['difference']):.3f} % {comparison}"
         )
+        assert plan.certificate is not None  # because the plan passed the check
+        binding = [x.name for x in plan.certificate.limits if x.margin <= ACTIVE_MARGIN]
+        if ContinuousTorque.name in binding:
+            yield "             (toppra does not know the limit on continuous torque, which binds)"
     if plan.path_bound and plan.duration:
         share = math.ceil(1e5 * (1 - plan.path_bound / plan.duration)) / 1e3
         yield f"proven       no motion along this path is more than {share:.3f} % shorter"
@@ -741,7 +747,11 @@ def cross_check_lines(plan: "Plan") -> Iterator[str]:
 
 
 def solver_and_condition_lines(plan: "Plan") -> Iterator[str]:
-    """Yield lines on the solvers and the conditions of a plan, which `answer_lines` omits."""
+    """Yield lines on the solvers of a plan and on its conditions.
+
+    The structured solver of this package computes the motion. Ipopt, a general solver, then
+    confirms it: it starts from this motion, and a line states how far its result differs.
+    """
     if plan.problem.planner == "fast" and plan.phases:
         yield f"solver       {solver_text(plan)}"
     verb, agreement = confirmation_texts(plan)

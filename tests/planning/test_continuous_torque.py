@@ -18,7 +18,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.serialization import problem_from_plain, to_plain
-from ssm_planner.reporting.text import summary_lines
+from ssm_planner.reporting.text import cross_check_lines, summary_lines
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.check import check
 
@@ -118,6 +118,10 @@ def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> No
     heat = rms(problem, result.trajectory, "roll") ** 2 * result.duration
     assert result.duration == pytest.approx(heat / 18e-3**2, rel=2e-3)
     assert all(phase.lower_bound < phase.duration for phase in result.phases)
+    # toppra does not know this limit, so the report explains why its duration is shorter.
+    remark = "toppra does not know the limit on continuous torque"
+    assert remark in "\n".join(cross_check_lines(result.cross_checked()))
+    assert remark not in "\n".join(cross_check_lines(plan(tilt_insert).cross_checked()))
     # A motion to the present position takes no time, so no time for cooling is added to it.
     again = plan(dataclasses.replace(problem, motion=(*problem.motion, problem.motion[1])))
     assert again.passed
