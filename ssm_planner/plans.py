@@ -1269,8 +1269,9 @@ def _motor_notes(requirement: MotorRequirement) -> list[str]:
 def _friction_notes(robot: Robot, requirement: MotorRequirement) -> list[str]:
     """Return remarks on the friction of the drive of a joint.
 
-    They state that the drive does not lock itself, or that the motion is faster than the motions
-    from which the friction was identified.
+    A drive without a worm or screw thread is not self-locking: without motor power, the load moves
+    it, and the remark says so. For other drives, a remark states that the motion is faster than the
+    motions from which the friction was identified.
 
     Parameters
     ----------

@@ -600,10 +600,11 @@ def increments_per_unit(axes: Mapping[str, Axis], name: str) -> float:
 
 
 def _column_names(joint: Joint, driven: bool) -> tuple[str, ...]:
-    """Return the names of the columns after the time in the file of one joint.
+    """Return the names of the columns of a joint's file, without the column of the time.
 
-    The file of a joint with a drive contains the setpoints of the mode csp: position, velocity
-    offset and torque offset. The file of a joint without a drive contains only its position.
+    The file of a joint with a drive contains the setpoints of the mode "cyclic synchronous
+    position" (csp): position, velocity offset and torque offset. The file of a joint without a
+    drive contains only its position.
 
     Parameters
     ----------

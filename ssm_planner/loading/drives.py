@@ -507,9 +507,10 @@ def _efficiency_fields(
 
 
 def _si_values(model: Model) -> Keywords:
-    """Return the values of a model in SI units, by field of the class that the model describes.
+    """Return keyword arguments for the class that a model describes, in SI units.
 
-    Keys that the file omits, and keys that are not fields of the class, are absent.
+    A model contains the validated values of a section of a file. Keys that the file omits, and keys
+    that are not fields of the class, are absent from the result.
     """
     numbers = {
         name: field_value.value if isinstance(field_value, Figure) else field_value

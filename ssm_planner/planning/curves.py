@@ -112,7 +112,7 @@ class CurveFollower:
 
         The first row is where the curve begins (`beginning`).
         """
-        # Row 0 is the present position, and `beginning` is the first point of a table.
+        # `beginning` replaces row 0, the present position, and the first point (row 1) of a table.
         first_row = 1 if self.motion.curve == "spline" else 2
         points = np.vstack([self.beginning, self.joints[first_row:]])
         differs = np.abs(np.diff(points, axis=0)).max(axis=1) > ROUNDING_TOLERANCE

@@ -415,9 +415,9 @@ def rest_to_rest(
     distance : float
         Distance > 0, rad or m.
     velocity, acceleration : float
-        Limits.
+        Limits, in units of the distance per s and per s².
     jerk : float or None
-        Limit. None: the acceleration may jump.
+        Limit on the jerk, or None if the acceleration may jump.
 
     Returns
     -------

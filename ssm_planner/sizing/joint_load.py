@@ -215,8 +215,8 @@ class JointLoad:
             duration=factor * self.duration,
         )
 
-    def plus(self, load: "JointLoad", share: float) -> "JointLoad":
-        """Interpolate linearly between the efforts of this load and those of another one.
+    def interpolate(self, load: "JointLoad", share: float) -> "JointLoad":
+        """Interpolate or extrapolate linearly between this load and another one.
 
         Efforts are linear in the masses, so the interpolation between two payloads is exact.
 

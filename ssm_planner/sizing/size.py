@@ -328,7 +328,7 @@ def largest_payload(
 
     def judge(mass: float) -> _SmallestMargin:
         return _find_smallest_margin(
-            [a.plus(b, mass) for a, b in zip(empty, loaded, strict=True)], motors, conditions
+            [a.interpolate(b, mass) for a, b in zip(empty, loaded, strict=True)], motors, conditions
         )
 
     return _search_largest(judge, start=1e-3, upper=LARGEST_PAYLOAD, lower=0.0)

@@ -452,9 +452,10 @@ def _iterate_temperatures(
 def _linearise_loss(
     model: ThermalModel, cycle: Cycle, winding: Array
 ) -> tuple[ThermalModes, Array]:
-    """Linearise the loss about the winding temperatures of the previous pass.
+    """Linearise the loss about given winding temperatures.
 
-    The loss is replaced by power + slope·(T_w − T_a), where slope is the mean of dP/dT_w over the
+    `steady_state` repeats this step, each time about the temperatures of the previous pass. The
+    loss is replaced by power + slope·(T_w − T_a), where slope is the mean of dP/dT_w over the
     cycle, T_w the winding temperature and T_a the ambient temperature.
 
     Parameters

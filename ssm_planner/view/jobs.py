@@ -204,9 +204,9 @@ class PlanningJobs:
             self._kill_planner()
 
     def document(self, text_type: str, identity: str) -> str | None:
-        """Return a document of a run, or None if it does not exist.
+        """Return a document of a planning run, or None if the run has no plan.
 
-        The planner's process produces the text.
+        A run is one request of the user to plan. The planner's process produces the text.
 
         Parameters
         ----------

@@ -34,7 +34,7 @@ def test_loads_are_linear_in_the_payload(robot: Robot, trajectory: Trajectory) -
     )
     direct = joint_loads(trajectory, with_payload(robot, 0.37))
     for a, b, c in zip(empty, loaded, direct, strict=True):
-        assert a.plus(b, 0.37).tau_rigid == pytest.approx(c.tau_rigid, abs=1e-12)
+        assert a.interpolate(b, 0.37).tau_rigid == pytest.approx(c.tau_rigid, abs=1e-12)
 
 
 def test_the_payload_hangs_at_the_tip(robot: Robot) -> None:

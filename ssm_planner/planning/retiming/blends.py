@@ -104,10 +104,12 @@ class BlendedPath(JointPath):
 
     @cached_property
     def _roundings(self) -> Array:
-        """Coefficients of the quintic polynomials on the roundings of all k corners, (k, 6, 4).
+        """Coefficients of the polynomials that round the corners of the path.
 
-        Each of the 4 joints has 6 coefficients. They belong to the powers 0 to 5 of the difference
-        between s and its value at the start of the rounding.
+        A rounding is the part of the path that replaces a corner. On it, each joint position is a
+        quintic polynomial of s − s₀, where s is the path parameter and s₀ its value at the start of
+        the rounding. The shape is (corners, 6, 4): for each corner, the coefficients of the powers
+        0 to 5 of each joint.
         """
         starts, ends = self.breaks[1:-1:2], self.breaks[2:-1:2]
         leaving = [self._on_piece(k, starts[[k]]) for k in range(len(starts))]
@@ -117,7 +119,7 @@ class BlendedPath(JointPath):
         )
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,).
+        """Evaluate the joint positions and their derivatives with respect to the path parameter.
 
         Parameters
         ----------
@@ -127,7 +129,7 @@ class BlendedPath(JointPath):
         Returns
         -------
         PathSamples
-            q, q' and q'' at these values.
+            Joint positions q, and the derivatives q' = dq/ds and q'' = d²q/ds², (n, 4) each.
         """
         s = np.asarray(s, dtype=float)
         values = np.zeros((3, len(s), 4))

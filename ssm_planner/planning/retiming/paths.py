@@ -108,7 +108,9 @@ class JointPath(ABC):
         return MIN_GRID_INTERVALS
 
     def speed_at(self, s: float, qd: Array) -> float:
-        """Return ds/dt at which the joints have given velocities on the path, 1/s.
+        """Return the path speed ds/dt (1/s) that given joint velocities require.
+
+        The result is the projection of the joint velocities on the tangent dq/ds of the path.
 
         Parameters
         ----------
