@@ -298,12 +298,16 @@ class ViewedProblem:
         changes = [f"{path.removeprefix('joints.')} {text}" for path, text in design.items()]
         changes += ["entered motor figures"] * bool(figures)
         content = self._robot_with_figures(figures)
-        for path, text in list(design.items()):
-            if path.endswith(".mu"):
-                friction = content["joints"][path.split(".")[1]]["drive"]["friction"]
-                static = friction.get("mu_static", friction["mu"])
-                ratio = _stated_value(static) / _stated_value(friction["mu"])
-                design[f"{path}_static"] = f"{float(text) * ratio:.12g}"
+        for path in [path for path in design if path.endswith(".mu")]:
+            friction = content["joints"][path.split(".")[1]]["drive"]["friction"]
+            factor = float(design.pop(path)) / _stated_value(friction["mu"])
+            for key in friction.keys() & {"mu", "mu_static"}:
+                entry = friction[key] if isinstance(friction[key], dict) else {}
+                # An assumed coefficient that is changed on the page is still an assumption.
+                friction[key] = {
+                    "value": factor * _stated_value(friction[key]),
+                    "placeholder": entry.get("placeholder", False),
+                }
         if not is_original:
             if "home_tilt" not in content["geometry"] or abs(mechanism.home_roll) > ANGLE_TOLERANCE:
                 raise ProblemError(

@@ -527,6 +527,24 @@ def test_a_real_figure_replaces_its_stand_in_and_no_other(server: ViewServer) ->
         motors({"joints.roll.motor.max_torque": 90})  # type: ignore[dict-item]
 
 
+def test_a_changed_friction_is_assumed_if_the_original_one_was(
+    server: ViewServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = server.jobs.requested_page({})
+    friction = page.document["robot"]["joints"]["roll"]["drive"]["friction"]
+    monkeypatch.setitem(friction, "mu", {"value": 0.13, "placeholder": True})
+
+    def changed(mu: float) -> Any:
+        robot = page.changed_robot(own_motion(server, design={MU: mu}))
+        return robot["joints"]["roll"]["drive"]["friction"]
+
+    assert changed(0.26)["mu"] == {"value": pytest.approx(0.26), "placeholder": True}
+    assert changed(0.26)["mu_static"] == {"value": pytest.approx(0.3), "placeholder": False}
+    drive = page.requested_problem(own_motion(server, design={MU: 0.26})).robot.joints[0].drive
+    assert drive is not None
+    assert "mu" in str(drive.placeholders)
+
+
 def test_a_saved_design_plans_the_same_elsewhere(server: ViewServer, tmp_path: Path) -> None:
     design = {MU: 0.3, RATIO: 150.0, "joints.tilt.motor.max_speed": "15000 rpm"}
     request = own_motion(server, design=design, payload=0.05)
