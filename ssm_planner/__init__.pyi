@@ -15,6 +15,7 @@ from .comparison.compare import (
     Difference as Difference,
 )
 from .comparison.findings import Finding as Finding, Kept as Kept, Verdict as Verdict
+from .comparison.tip import MeasuredTipError as MeasuredTipError
 from .dynamics.robot_dynamics import (
     inverse_dynamics as inverse_dynamics,
     motor_torque as motor_torque,

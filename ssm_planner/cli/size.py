@@ -103,11 +103,9 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
     gearheads = [part for path in options.gearheads for part in read_gearheads(path)]
     progress_reporter(f"judging {len(motors)} motors")
     joints = select_motors(duty, motors, gears, conditions, options.payload, gearheads=gearheads)
-    # Verdict on the best pair of each joint: 1 is adequate, 0 is not known, −1 is not adequate.
-    best_verdicts = [joint.adequate.max(initial=-1) for joint in joints]
-    adequate = None if 0 in best_verdicts or not best_verdicts else True
-    if -1 in best_verdicts:
-        adequate = False
+    # The worst of the answers on the best pair of each joint.
+    worst = min((int(joint.adequate.max(initial=-1)) for joint in joints), default=0)
+    adequate = {1: True, 0: None, -1: False}[worst]
     notes = list(duty.notes)
     if options.gears:
         notes.append("gears without friction get the friction of the joint's present drive")

@@ -32,10 +32,11 @@ from ssm_planner.comparison.findings import (
 )
 from ssm_planner.comparison.measured import AxisRecording
 from ssm_planner.comparison.predicted import AxisPrediction, predict_axes
+from ssm_planner.comparison.tip import MeasuredTipError, measured_tip_error
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification import largest_magnitude, rms
-from ssm_planner.problem import Robot
+from ssm_planner.problem import Robot, get_attributes
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.verification import Certificate
@@ -113,21 +114,17 @@ class AxisComparison:
 
     def to_dict(self) -> JsonObject:
         """Return an entry of `axes` in the output of `compare --json`, in SI units."""
-        differences = self.differences.items()
+        statistics = {
+            key: {name: getattr(item, key) for name, item in self.differences.items()}
+            for key in ("nrmsd", "rms", "largest")
+        }
         return {
-            "joint": self.joint,
-            "recording": self.recording,
-            "delay": self.alignment.delay,
-            "correlation": self.alignment.correlation,
-            "covered": self.covered,
-            "nrmsd": {name: difference.nrmsd for name, difference in differences},
-            "rms": {name: difference.rms for name, difference in differences},
-            "largest": {name: difference.largest for name, difference in differences},
+            **get_attributes(self, ("joint", "recording", "covered", "verdict", "visible")),
+            **get_attributes(self.alignment, ("delay", "correlation")),
+            **statistics,
             "limits": [vars(limit) for limit in self.limits],
             "held": self.followed,
-            "verdict": self.verdict,
             "findings": [vars(finding) for finding in self.findings],
-            "visible": self.visible,
             "notes": list(self.notes),
         }
 
@@ -147,6 +144,8 @@ class Comparison:
 
     axes: tuple[AxisComparison, ...]
     clock: Clock
+    tip_error: MeasuredTipError
+    """Distance of the tip from the plan, and the bounds that the robot file implies."""
     findings: tuple[Finding, ...] = ()
     """Findings that concern all recordings."""
     speed: float = 1.0
@@ -183,6 +182,7 @@ class Comparison:
             "clock": {name: value if np.isfinite(value) else None for name, value in clock},
             "findings": [vars(finding) for finding in self.findings],
             "unjudged": list(self.unjudged),
+            "tip_error": self.tip_error.to_dict(),
             "axes": [axis.to_dict() for axis in self.axes],
         }
 
@@ -257,7 +257,12 @@ def compare(
         if (check.name, check.joint) not in judged_limits:
             unjudged.append(f"{check.name} {check.joint or ''}".strip())
     return Comparison(
-        tuple(comparisons), clock, tuple(findings), played_speed, unjudged=tuple(unjudged)
+        tuple(comparisons),
+        clock,
+        measured_tip_error(trajectory.slower(played_speed), robot, axes, missing),
+        tuple(findings),
+        played_speed,
+        unjudged=tuple(unjudged),
     )
 
 

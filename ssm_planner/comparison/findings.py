@@ -402,8 +402,9 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
 def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     """Yield a finding if the tracking error is too large, or if noise could hide such an error.
 
-    The permitted error is the distance that the joint travels within the lag at its velocity limit.
-    Another finding states that the measured position contradicts the integral of the speed.
+    The permitted error is the distance that the joint travels within the lag at its velocity limit,
+    or the tracking error in the robot file if that is smaller. Another finding states that the
+    measured position contradicts the integral of the speed.
 
     Parameters
     ----------
@@ -416,6 +417,8 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     noise = position_noise(axis)
     random_noise, integral_noise = axis.integral_noise
     limit = lag * joint.velocity
+    if joint.tracking_error is not None:
+        limit = min(limit, joint.tracking_error)
     unit = f"m{joint.unit}"  # mrad or mm
     allowed = limit + noise
     difference = largest_magnitude(axis.q - axis.travelled)

@@ -13,7 +13,7 @@ from ssm_planner.dynamics import (
     required_friction,
 )
 from ssm_planner.errors import RecordingError
-from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Joint, Robot
+from ssm_planner.problem import CONFIDENCE, JOINTS, LOAD_OFFSET, Drive, Joint, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 
@@ -95,7 +95,7 @@ def predict_axes(
     rigid = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
     predictions = []
     for name in joints:
-        i = [joint.name for joint in robot.joints].index(name)
+        i = JOINTS.index(name)
         joint = robot.joints[i]
         if joint.drive is None:
             raise RecordingError(f"joint {name} has no drive in the robot file")

@@ -20,6 +20,7 @@ from .inverse import inverse_task as inverse_task, inverse_tip as inverse_tip
 from .mechanism import Mechanism as Mechanism
 from .robot_kinematics import fk as fk, jacobian as jacobian
 from .rotations import (
+    angle_between as angle_between,
     check_rows as check_rows,
     casadi_constant as casadi_constant,
     rotation as rotation,

@@ -92,6 +92,14 @@ def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
     return np.tensordot(monomials, rodrigues_terms(omega), axes=1)
 
 
+def angle_between(a: Array, b: Array) -> Array:
+    """Compute the angles (n,) in rad between orientations a and b, (n, 3, 3) each.
+
+    The Frobenius norm of a − b is √8 sin(θ/2), which is accurate for small angles θ.
+    """
+    return 2 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=(1, 2)) / 8**0.5, 1.0))
+
+
 def rotation_symbolic(omega: Any, angle: Any) -> "casadi.SX":
     """Return the rotation matrix about one axis as a CasADi expression.
 

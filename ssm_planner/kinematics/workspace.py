@@ -28,6 +28,7 @@ from ssm_planner.kinematics.mechanism import (
     elbow_half_angle_squares,
     tilt_magnitudes,
 )
+from ssm_planner.kinematics.task import task_rates_of_joints
 from ssm_planner.typing import Array, Range, record
 
 
@@ -247,12 +248,8 @@ def smallest_singular_value(mechanism: Mechanism, q: ArrayLike) -> Array:
 def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
     """Compute the joint velocities per unit tilt velocity at constant roll and spin.
 
-    With x = θ2 − δ, and P and E of the module `mechanism`, the derivatives on the home side are
-
-        dθ2/d|φ| = sin |φ| / (sin α sin β sin x)
-        dθ1/d|φ| = E / (sin α sin x sin |φ|)
-        dθ3/d|φ| = −P / (sin β sin x sin |φ|).
-
+    The rates at which joint 2 alone changes roll, tilt and spin (`task_rates_of_joints`) give the
+    velocity of joint 2, and those of joints 1 and 3 that keep roll and spin constant.
     For negative tilts, all three change their signs, because φ = −|φ|.
 
     Parameters
@@ -275,26 +272,17 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
     GeometryError
         If the branch is neither +1 nor −1, or a tilt is outside [−π, π].
     """
-    alpha = mechanism.alpha
-    beta = mechanism.beta
     tilts = _check_tilts(tilt)
-    half = np.abs(tilts) / 2.0
-    c2, s2 = elbow_half_angle_squares(NUMPY, alpha, beta, np.cos(half), np.sin(half))
+    theta2 = theta2_from_tilt(mechanism, tilts, branch)
+    roll, tilt_rate, spin, _ = task_rates_of_joints(
+        NUMPY, mechanism, (0.0, theta2, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)
+    )
+    speeds = np.stack((-roll, np.ones_like(roll), -spin), axis=-1)
+    sign = np.where(tilts < 0.0, -mechanism.side, mechanism.side)
     # At a tilt on the boundary, rounding errors must not turn the infinite result into NaN.
-    c2 = np.where((c2 < 0.0) & (c2 > -1e-15), 0.0, c2)
-    s2 = np.where((s2 < 0.0) & (s2 > -1e-15), 0.0, s2)
+    is_outside = boundary_distance(mechanism, tilts) < -1e-15
     with np.errstate(divide="ignore", invalid="ignore"):
-        product = math.sin(alpha) * math.sin(beta)
-        sin_x = check_branch(branch) * 2.0 * np.sqrt(c2 * s2) / product
-        sin_x = np.where((c2 < 0.0) | (s2 < 0.0), np.nan, sin_x)
-        P = (math.sin(alpha - beta) * c2 + math.sin(alpha + beta) * s2) / product
-        E = (math.sin(alpha - beta) * c2 - math.sin(alpha + beta) * s2) / product
-        sin_tilt = np.sin(np.abs(tilts))
-        joint_1 = E / (math.sin(alpha) * sin_x * sin_tilt)
-        joint_2 = sin_tilt / (product * sin_x)
-        joint_3 = -P / (math.sin(beta) * sin_x * sin_tilt)
-    side = np.where(tilts < 0.0, -1.0, 1.0)
-    return np.stack((joint_1, joint_2, joint_3), axis=-1) * side[..., np.newaxis]
+        return speeds * np.where(is_outside, np.nan, sign / tilt_rate)[..., np.newaxis]
 
 
 def _check_tilts(value: ArrayLike) -> Array:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.dynamics import friction_spread, required_friction
-from ssm_planner.problem import Drive, Motor
+from ssm_planner.problem import Drive, Motor, get_attributes
 from ssm_planner.sizing.checks import (
     MARGIN_TOLERANCE,
     Check,
@@ -126,20 +126,15 @@ class MotorVerdict:
         """
         checks = (*self.checks, *self.gear)
         return {
-            "joint": self.joint,
+            **get_attributes(self, ("joint", "adequate", "binds", "probability", "regions")),
+            **get_attributes(self.motor, ("file", "placeholder")),
             "motor": self.motor.name,
-            "file": self.motor.file,
-            "adequate": self.adequate,
-            "binds": self.binds,
-            "probability": self.probability,
             "margins": {
                 check.name: check.margin for check in checks if check.name != CONFIDENCE_CHECK
             },
             "not_checked": {check.name: check.needs for check in checks if check.passed is None},
             "checks": [check.to_dict() for check in checks],
             "heat": None if self.heat is None else self.heat.to_dict(),
-            "regions": self.regions,
-            "placeholder": self.motor.placeholder,
             "placeholders": list(self.motor.placeholders),
             "notes": list(self.notes),
         }

@@ -77,10 +77,11 @@ def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
     ratio, forwards = gearhead.ratio, gearhead.forwards
     factors = {"b_c": forwards, "b_v": forwards / ratio}
     factors |= dict.fromkeys(("stribeck_speed", "identified_speed"), ratio)
-    scaled: Keywords = {}
-    for name, factor in factors.items():
-        value = getattr(friction, name)
-        scaled[name] = None if value is None else factor * value
+    scaled: Keywords = {
+        name: factor * getattr(friction, name)
+        for name, factor in factors.items()
+        if getattr(friction, name) is not None
+    }
     posterior = friction.posterior and friction.posterior.scaled(factors, forwards)
     covariance = friction.covariance and {
         a: {b: factors.get(a, 1.0) * factors.get(b, 1.0) * value for b, value in row.items()}

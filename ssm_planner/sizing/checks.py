@@ -19,7 +19,7 @@ from ssm_planner.dynamics import (
     required_friction,
     self_locking_margin,
 )
-from ssm_planner.problem import Drive, Ratings, ScrewEnds, get_attributes
+from ssm_planner.problem import Drive, Ratings, ScrewEnds
 from ssm_planner.problem import unchecked_copy as changed
 from ssm_planner.sizing.demand import Band, DemandName, linear_band, monte_carlo
 from ssm_planner.sizing.joint_load import JointLoad
@@ -79,11 +79,9 @@ class Check:
     def to_dict(self) -> JsonObject:
         """Return the check as JSON types in SI units."""
         return {
-            "name": self.name,
+            **vars(self),
             "passed": self.passed,
-            "margin": self.margin,
             "best_margin": self.margin if self.best_margin is None else self.best_margin,
-            **get_attributes(self, ("worst", "nominal", "limit", "unit", "probability", "needs")),
         }
 
 

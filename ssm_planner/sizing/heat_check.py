@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.problem import Motor
+from ssm_planner.problem import Motor, get_attributes
 from ssm_planner.sizing.demand import select_instants
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions, missing_data, require_value
@@ -64,10 +64,7 @@ class Heat:
         """Return the result as JSON types in SI units. Temperatures are in kelvin."""
         return {
             "capacity": self.capacity if np.isfinite(self.capacity) else None,
-            "limit": self.limit,
-            "nominal_winding": self.nominal_winding,
-            "winding": self.winding,
-            "time_until_limit": self.time_until_limit,
+            **get_attributes(self, ("limit", "nominal_winding", "winding", "time_until_limit")),
         }
 
 

@@ -617,8 +617,7 @@ def _assess_gear(
             yield from _assess_gear([geared], fleet, conditions)
         return
     if case.spread.names:
-        speed = relative_margin(load.peak_speed, fleet.max_speed)
-        yield _assess_by_draws(load, fleet, conditions, drive_checks(case), speed)
+        yield _assess_by_draws(load, fleet, conditions, drive_checks(case))
         return
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
     limited = {"torque": 1.0, "continuous_torque": share, "voltage": 1.0}
@@ -643,16 +642,9 @@ def _assess_gear(
 
 
 def _assess_by_draws(
-    load: JointLoad,
-    fleet: _MotorData,
-    conditions: Conditions,
-    gear: tuple[Check, ...],
-    speed: Array,
+    load: JointLoad, fleet: _MotorData, conditions: Conditions, gear: tuple[Check, ...]
 ) -> GearAssessment:
     """Assess the motors one by one with `assess`, for friction with a statistical distribution.
-
-    Motors that are too slow and gears that fail are not assessed further: their other answers stay
-    0.
 
     Parameters
     ----------
@@ -664,27 +656,19 @@ def _assess_by_draws(
         Operating conditions.
     gear
         Checks of the gear.
-    speed : (m,) array
-        Margins of the largest speed of each motor.
 
     Returns
     -------
     GearAssessment
         Answers and margins of all motors, and the checks of the gear.
     """
-    count = len(fleet.motors)
-    names = (*MARGIN_CHECKS, "heat", CONFIDENCE_CHECK)
-    answers = {name: np.zeros(count, np.int8) for name in names} | {
-        "speed": _answers_from_margins(speed, speed)
-    }
-    margins = {name: np.full(count, np.nan) for name in MARGIN_CHECKS} | {"speed": speed}
-    if any(check.passed is False for check in gear):
-        return answers, margins, gear
-    for m in np.flatnonzero(answers["speed"] > 0).tolist():
-        for check in assess(load, fleet.motors[m], conditions).checks:
-            answers[check.name][m] = ANSWER_CODES[check.passed]
-            if check.name in margins and check.margin is not None:
-                margins[check.name][m] = check.margin
+    checks = [assess(load, motor, conditions).checks for motor in fleet.motors]
+    answers, margins = {}, {}
+    for of_motors in zip(*checks, strict=True):
+        name = of_motors[0].name
+        answers[name] = np.array([ANSWER_CODES[check.passed] for check in of_motors], np.int8)
+        if name in MARGIN_CHECKS:
+            margins[name] = np.array([check.margin for check in of_motors], dtype=float)
     return answers, margins, gear
 
 

@@ -5,6 +5,7 @@ The main entry, `size`, assesses candidates for every joint and finds the smalle
 duration with which every check passes. `assess` and `checks` contain the checks themselves.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -152,7 +153,6 @@ class Sizing:
         The entry `smallest` contains the name of the smallest adequate motor of each joint, or
         None.
         """
-        smallest = {joint.load.joint: joint.smallest for joint in self.joints}
         return {
             "adequate": self.adequate,
             "confidence": self.conditions.confidence,
@@ -160,7 +160,8 @@ class Sizing:
             "alternatives": [verdict.to_dict() for verdict in self.alternatives],
             "gears": [joint.gear_dict() for joint in self.joints],
             "smallest": {
-                name: None if item is None else item.motor.name for name, item in smallest.items()
+                joint.load.joint: joint.smallest and joint.smallest.motor.name
+                for joint in self.joints
             },
             "requirements": [
                 joint.requirement_dict(self.conditions.confidence) for joint in self.joints
@@ -274,10 +275,8 @@ def _size_joint(
 LARGEST_PAYLOAD = 50.0
 """Largest payload in the search, kg. Surgical tools are much lighter."""
 LARGEST_DURATION_FACTOR = 1e3
-"""Largest factor on the duration in the search."""
-SMALLEST_DURATION_FACTOR = 1e-3
-"""Smallest factor on the duration in the search."""
-BISECTIONS = 16
+"""Largest factor on the duration in the search. The smallest one is its reciprocal."""
+BISECTIONS = 20
 """Number of bisections in the search."""
 
 
@@ -331,7 +330,7 @@ def largest_payload(
             [a.interpolate(b, mass) for a, b in zip(empty, loaded, strict=True)], motors, conditions
         )
 
-    return _search_largest(judge, start=1e-3, upper=LARGEST_PAYLOAD, lower=0.0)
+    return _search_largest(judge, 1e-6, LARGEST_PAYLOAD)
 
 
 def shortest_duration(
@@ -356,8 +355,7 @@ def shortest_duration(
     Returns
     -------
     WhatIf
-        The smallest factor. The search covers factors from `SMALLEST_DURATION_FACTOR` to
-        `LARGEST_DURATION_FACTOR`.
+        The smallest factor, within the limits of `LARGEST_DURATION_FACTOR`.
     """
 
     loads = duty.loads(payload)
@@ -367,9 +365,7 @@ def shortest_duration(
             [load.stretched(1.0 / speed) for load in loads], motors, conditions
         )
 
-    result = _search_largest(
-        judge, start=1.0, upper=1.0 / SMALLEST_DURATION_FACTOR, lower=1.0 / LARGEST_DURATION_FACTOR
-    )
+    result = _search_largest(judge, 1.0 / LARGEST_DURATION_FACTOR, LARGEST_DURATION_FACTOR)
     return replace(result, value=None if result.value is None else 1.0 / result.value)
 
 
@@ -420,20 +416,17 @@ def _find_smallest_margin(
 
 
 def _search_largest(
-    judge: Callable[[float], _SmallestMargin], start: float, upper: float, lower: float
+    judge: Callable[[float], _SmallestMargin], lower: float, upper: float
 ) -> WhatIf:
-    """Find the largest value with which no margin is negative.
+    """Find the largest value with which no margin is negative, by bisection of its logarithm.
 
-    The margins are assumed to decrease as the value increases. The search doubles or halves the
-    value until the smallest margin changes its sign, and then bisects.
+    The margins are assumed to decrease as the value increases.
 
     Parameters
     ----------
     judge
         Function that returns the smallest margin for a value.
-    start
-        First value.
-    upper, lower
+    lower, upper
         Ends of the search. The status is "never" if a margin is negative at `lower`, and
         "unlimited" if no margin is negative at `upper`.
 
@@ -442,27 +435,18 @@ def _search_largest(
     WhatIf
         The value, and the check that fails just above it.
     """
-    judgement = failed = judge(start)
-    low = high = start
-    fails = judgement.margin < 0
-    while (judgement.margin < 0) is fails:
-        if fails and low <= lower:
-            return WhatIf("never", None, judgement.joint, judgement.binds, judgement.not_checked)
-        if not fails and high >= upper:
-            return WhatIf("unlimited", None, None, None, judgement.not_checked)
-        if fails:
-            high, failed = low, judgement
-            low = max(low / 2 if lower > 0 or low > start / 64 else 0.0, lower)
-            judgement = judge(low)
-        else:
-            low, high = high, min(2 * high, upper)
-            judgement = failed = judge(high)
+    low, high = lower, upper
+    failed = judge(upper)
+    if failed.margin >= 0:
+        return WhatIf("unlimited", None, None, None, failed.not_checked)
+    judgement = judge(lower)
+    if judgement.margin < 0:
+        return WhatIf("never", None, judgement.joint, judgement.binds, judgement.not_checked)
     for _ in range(BISECTIONS):
-        middle = (low + high) / 2
+        middle = math.sqrt(low * high)
         judgement = judge(middle)
         if judgement.margin < 0:
-            high = middle
-            failed = judgement
+            high, failed = middle, judgement
         else:
             low = middle
     return WhatIf("found", low, failed.joint, failed.binds, failed.not_checked)

@@ -645,7 +645,5 @@ def _crossing_time(t: Array, winding: Array, k: int, limit: float) -> float:
     float
         Time between the instants k − 1 and k, s.
     """
-    if k == 0 or winding[k] == winding[k - 1]:
-        return float(t[k])
-    share = (limit - winding[k - 1]) / (winding[k] - winding[k - 1])
-    return float(t[k - 1] + share * (t[k] - t[k - 1]))
+    around = slice(max(k - 1, 0), k + 1)
+    return float(np.interp(limit, winding[around], t[around]))

@@ -136,31 +136,22 @@ def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
     jacobians = jacobian(robot, samples.q)
     lengths = np.linalg.norm(jacobians[:, :3], axis=1)
     efforts = RigidBody.from_robot(robot).inverse_dynamics(samples.q, samples.qd, samples.qdd)
-    errors = [
-        (i, name, largest)
-        for i, joint in enumerate(robot.joints)
-        for name, largest in _random_errors(joint)
-    ]
-    sources = [
-        ErrorSource(robot.joints[i].name, name, largest, float(largest * lengths[:, i].max()))
-        for i, name, largest in errors
-    ]
+    sources = []
     deflections = np.zeros_like(samples.q)
+    draws = np.zeros((4, ERROR_DRAWS))
+    rng = np.random.default_rng(0)
     for i, joint in enumerate(robot.joints):
+        for name, largest in _random_errors(joint):
+            tip = float(largest * lengths[:, i].max())
+            sources.append(ErrorSource(joint.name, name, largest, tip))
+            # The load presses the joint against one of both flanks.
+            shares = rng.uniform(-1.0, 1.0, ERROR_DRAWS)
+            draws[i] += largest * (np.sign(shares) if name.endswith("backlash") else shares)
         if joint.stiffness is not None:
             deflections[:, i] = efforts[:, i] / joint.stiffness
             sizes = np.abs(deflections[:, i])
             tip = float((sizes * lengths[:, i]).max())
             sources.append(ErrorSource(joint.name, "deflection", float(sizes.max()), tip))
-    draws = np.zeros((4, ERROR_DRAWS))
-    rng = np.random.default_rng(0)
-    for i, name, largest in errors:
-        # The load presses the joint against one of both flanks.
-        is_play = name.endswith("backlash")
-        shares = (
-            rng.choice([-1.0, 1.0], ERROR_DRAWS) if is_play else rng.uniform(-1.0, 1.0, ERROR_DRAWS)
-        )
-        draws[i] += largest * shares
     return TipError(
         _error_quantile(jacobians[:, :3], deflections, draws),
         _error_quantile(jacobians[:, 3:], deflections, draws),

@@ -18,13 +18,20 @@ from ssm_planner.cli import compare as command
 from ssm_planner.cli.shared import add_arguments
 from ssm_planner.comparison.clock import align_axis
 from ssm_planner.comparison.compare import compare
-from ssm_planner.comparison.measured import assign_recordings, read_axis_recording
+from ssm_planner.comparison.measured import (
+    AxisRecording,
+    assign_recordings,
+    read_axis_recording,
+)
 from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError
+from ssm_planner.kinematics import fk
 from ssm_planner.plans import Plan, load_plan
-from ssm_planner.problem.robot import Robot
-from tests.support.executions import FAULTS, Executions, kinds, write
+from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.problem.value import unchecked_copy
+from ssm_planner.sizing import tip_error
+from tests.support.executions import FAULTS, LEAD, Executions, kinds, taken, write
 from tests.support.executions import RPM as RAD_PER_RPM
 from tests.support.paths import RESULTS
 from tests.support.plans import read_back, trapezoids
@@ -570,3 +577,79 @@ def test_a_remark_does_not_read_as_a_verdict(
     paths = write(shipped, shipped.healthy(1), tmp_path)
     assert verdict_of(paths, "--speed", "50%") == 1
     assert not re.search(r"^held", capsys.readouterr().out, re.MULTILINE)
+
+
+def with_error(
+    recordings: list[AxisRecording], plan: Plan, rng: np.random.Generator
+) -> tuple[list[AxisRecording], float]:
+    """Add slow position errors to recordings, and return the largest tip error in m as well."""
+    t = np.linspace(0.0, plan.motion.duration, 3000)
+    planned = plan.motion.sample(plan.motion.breaks[0] + t).q
+    actual = planned.copy()
+    changed = []
+    for recording in recordings:
+        i = JOINTS.index(recording.joint)
+        size = rng.uniform(1e-5, 1e-4) if i == 3 else rng.uniform(1e-4, 8e-4)
+        rate, phase = rng.uniform(0.5, 9.0), rng.uniform(0, 6)
+
+        def error(
+            time: np.ndarray, size: float = size, rate: float = rate, phase: float = phase
+        ) -> np.ndarray:
+            return size * np.sin(rate * time + phase)
+
+        actual[:, i] += error(t)
+        speed = recording.w + plan.robot.joints[i].drive.ratio * np.gradient(
+            error(recording.time - LEAD), recording.time
+        )
+        q = recording.q + error(recording.time - LEAD)
+        changed.append(dataclasses.replace(recording, q=q, w=speed))
+    tips = (fk(plan.robot, q).position for q in (planned, actual))
+    return changed, float(np.linalg.norm(np.subtract(*tips), axis=1).max())
+
+
+def test_the_tip_error_of_seeded_runs_is_recovered(shipped: Executions) -> None:
+    for seed in range(12):
+        rng = np.random.default_rng(3510 + seed)
+        recordings, expected = with_error(shipped.healthy(seed), shipped.plan, rng)
+        result = compare(shipped.plan.motion, shipped.plan.robot, None, recordings).tip_error
+        assert result.missing == ()
+        assert result.largest == pytest.approx(expected, abs=20e-6)
+        # The shipped robot does not state backlash, stiffness and homing.
+        assert result.total is None
+
+
+def test_the_tip_error_adds_what_the_motors_do_not_show(shipped: Executions) -> None:
+    """The measured error and the bound on the errors behind the encoders add up."""
+    joints = []
+    for joint in shipped.plan.robot.joints:
+        motor = joint.motor and unchecked_copy(joint.motor, encoder_counts=500, placeholders=())
+        errors = {"backlash": 1e-4, "homing_error": 1e-5, "stiffness": 1e6, "tracking_error": 1e-2}
+        joints.append(unchecked_copy(joint, motor=motor, **errors))
+    robot = unchecked_copy(shipped.plan.robot, joints=tuple(joints))
+    motion = shipped.plan.motion
+    result = compare(motion, robot, None, shipped.healthy(1)).tip_error
+    followed = [unchecked_copy(joint, tracking_error=0.0) for joint in joints]
+    unseen = tip_error(motion, unchecked_copy(robot, joints=tuple(followed))).bound
+    assert result.total == pytest.approx(result.largest + unseen)
+    assert result.to_dict()["total"] == result.total
+    tight = [unchecked_copy(joint, tracking_error=1e-5) for joint in joints]
+    late = with_error(shipped.healthy(1), shipped.plan, np.random.default_rng(1))[0]
+    found = compare(motion, unchecked_copy(robot, joints=tuple(tight)), None, late)
+    assert "tracking" in kinds(found)
+    assert found.verdict == "not held"
+
+
+@pytest.mark.parametrize("lack", ["recording", "position", "samples"])
+def test_a_tip_error_without_its_data_is_not_known(shipped: Executions, lack: str) -> None:
+    recordings = shipped.healthy(2)
+    if lack == "recording":
+        del recordings[0]
+    elif lack == "position":
+        recordings[0] = dataclasses.replace(recordings[0], q=None)
+    else:
+        count = len(recordings[0].time)
+        recordings[0] = taken(recordings[0], slice(count // 2, count))
+    result = compare(shipped.plan.motion, shipped.plan.robot, None, recordings).tip_error
+    assert any(text.startswith("roll: ") for text in result.missing)
+    document = result.to_dict()
+    assert document["largest"] is document["angle"] is document["total"] is None
