@@ -104,7 +104,7 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
     progress_reporter(f"judging {len(motors)} motors")
     joints = select_motors(duty, motors, gears, conditions, options.payload, gearheads=gearheads)
     # The worst of the answers on the best pair of each joint.
-    worst = min((int(joint.adequate.max(initial=-1)) for joint in joints), default=0)
+    worst = min((int(joint.adequate.max()) for joint in joints), default=0)
     adequate = {1: True, 0: None, -1: False}[worst]
     notes = list(duty.notes)
     if options.gears:

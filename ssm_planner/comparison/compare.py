@@ -252,10 +252,11 @@ def compare(
         findings.append(Finding("missing recording", "cannot tell", text, len(missing), 0))
     comparisons = [_compare_axis(axis, plans, margins, lag) for axis in axes]
     judged_limits = {(limit.name, axis.joint) for axis in comparisons for limit in axis.limits}
-    unjudged = []
-    for check in certificate.limits if certificate else ():
-        if (check.name, check.joint) not in judged_limits:
-            unjudged.append(f"{check.name} {check.joint or ''}".strip())
+    unjudged = (
+        f"{check.name} {check.joint or ''}".strip()
+        for check in (certificate.limits if certificate else ())
+        if (check.name, check.joint) not in judged_limits
+    )
     return Comparison(
         tuple(comparisons),
         clock,
@@ -328,11 +329,11 @@ def _compare_axis(
     measured = axis.measured
     t = axis.t
     is_planned = (t >= 0) & (t <= plan.duration)
-    notes = list(measured.repairs)
+    notes = measured.repairs
     if measured.q is None:
-        notes.append(
+        notes += (
             "no position channel: position is the integral of the measured speed, from the planned "
-            "start"
+            "start",
         )
     differences = {}
     if is_planned.any():
@@ -351,7 +352,7 @@ def _compare_axis(
         axis.covered,
         differences=differences,
         limits=check_limits(axis, certificate),
-        notes=tuple(notes),
+        notes=notes,
         findings=tuple(find_faults(axis, lag)) if other_motion is None else (other_motion,),
         visible=axis.visible,
     )

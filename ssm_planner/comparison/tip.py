@@ -83,11 +83,10 @@ def measured_tip_error(
         measured[:, JOINTS.index(axis.measured.joint)] = np.interp(time, axis.t, axis.q)
     expected, actual = fk(robot, planned), fk(robot, measured)
     distances = np.linalg.norm(actual.position - expected.position, axis=1)
-    angles = angle_between(actual.rotation, expected.rotation)
     followed = tuple(replace(joint, tracking_error=0.0) for joint in robot.joints)
     return MeasuredTipError(
         float(distances.max()),
-        float(angles.max()),
+        float(angle_between(actual.rotation, expected.rotation).max()),
         tip_error(trajectory, unchecked_copy(robot, joints=followed)),
         missing=(*(f"{name}: no recording" for name in unrecorded), *_missing_data(axes)),
     )

@@ -142,8 +142,9 @@ def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
     rng = np.random.default_rng(0)
     for i, joint in enumerate(robot.joints):
         for name, largest in _random_errors(joint):
-            tip = float(largest * lengths[:, i].max())
-            sources.append(ErrorSource(joint.name, name, largest, tip))
+            sources.append(
+                ErrorSource(joint.name, name, largest, float(largest * lengths[:, i].max()))
+            )
             # The load presses the joint against one of both flanks.
             shares = rng.uniform(-1.0, 1.0, ERROR_DRAWS)
             draws[i] += largest * (np.sign(shares) if name.endswith("backlash") else shares)

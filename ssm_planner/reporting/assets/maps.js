@@ -7,11 +7,12 @@ SSM.addMotorMaps = (container, data, channels, player) => {
   for (const map of data.maps) SSM.addMotorMap(grid, map, data, channels, player);
 };
 
-// Add the map of one motor: its regions, the curve of the motion, and a dot at the shown instant.
+// Add the map of one motor: its regions, the density of the motion over time, and a dot at the shown instant.
 SSM.addMotorMap = (grid, map, data, channels, player) => {
+  const joint = data.joints[map.joint];
   const speed = channels[`w${map.joint}`].map((x) => (x * 30) / Math.PI);
   const torque = channels[`tau${map.joint}`].map((x) => 1000 * x);
-  const holder = element("div", { class: "plot", role: "img", "aria-label": `Motor torque against speed of ${data.joints[map.joint].name}` });
+  const holder = element("div", { class: "plot", role: "img", "aria-label": `Motor torque against speed of ${joint.name}` });
   const colour = data.colours[map.joint];
   const notes = [];
   const axisRange = (values, largest, unit) => {
@@ -21,7 +22,6 @@ SSM.addMotorMap = (grid, map, data, channels, player) => {
     return [Math.min(...values) < -1e-9 ? -end : -0.06 * end, Math.max(...values) > 1e-9 ? end : 0.06 * end];
   };
   const ranges = { x: axisRange([...speed], map.speed.at(-1), "rpm"), y: axisRange([...torque], Math.max(...map.largest), "mN·m") };
-  const hiddenPart = notes.length ? `regions reach ${notes.join(" and ")}` : "";
   const key = (swatch, text) => element("span", { class: "key" }, swatch, text);
   const square = (fill) => {
     const node = element("span", { class: "square" });
@@ -29,10 +29,10 @@ SSM.addMotorMap = (grid, map, data, channels, player) => {
     return node;
   };
   const value = element("span", { class: "value" });
-  const caption = element("figcaption", {}, element("strong", {}, data.joints[map.joint].name),
-    element("span", {}, `${map.motor}${map.placeholder ? " (placeholder figures)" : ""}`),
-    key(SSM.swatch(colour, []), "motion"), value, key(square(1), "continuous"), key(square(0), "short term"),
-    element("span", { class: "note" }, hiddenPart));
+  const caption = element("figcaption", {}, element("strong", {}, joint.name),
+    element("span", {}, [`${map.motor}${map.placeholder ? " (placeholder figures)" : ""}`, ...joint.gears].join(" + ")),
+    key(SSM.swatch(colour, []), "motion, darker where it stays longer"), value, key(square(1), "continuous"), key(square(0), "short term"),
+    element("span", { class: "note" }, notes.length ? `regions reach ${notes.join(" and ")}` : ""));
   grid.append(element("figure", {}, caption, holder));
   const dot = element("div", { class: "dot" });
   const draw = (u) => {
@@ -44,7 +44,7 @@ SSM.addMotorMap = (grid, map, data, channels, player) => {
     scales: { x: { time: false, range: () => ranges.x }, y: { range: () => ranges.y } },
     axes: [SSM.axis("motor speed (rpm)", 34), SSM.axis("motor torque (mN·m)", 48)],
     series: [{}, { show: true, points: { show: false }, paths: () => null }],
-    hooks: { drawClear: [draw], draw: [(plot) => SSM.strokeCurve(plot, speed, torque, SSM.canvasColour(colour))] },
+    hooks: { drawClear: [draw], draw: [(plot) => SSM.shadeInstants(plot, speed, torque, SSM.canvasColour(colour))] },
   }, [ranges.x, [null, null]], holder);
   u.over.append(dot);
   const mark = (index) => {
@@ -77,14 +77,15 @@ SSM.fillRegion = (u, speed, torque, fill) => {
   u.ctx.restore();
 };
 
-// Draw a curve through points in the units of a plot.
-SSM.strokeCurve = (u, x, y, colour) => {
+// Draw a translucent disc at each instant. The instants are evenly spaced, so the shade shows the density over time.
+SSM.shadeInstants = (u, x, y, colour) => {
   u.ctx.save();
-  u.ctx.strokeStyle = colour;
-  u.ctx.lineWidth = 1.8 * devicePixelRatio;
-  u.ctx.lineJoin = "round";
-  u.ctx.beginPath();
-  for (let i = 0; i < x.length; i++) u.ctx.lineTo(u.valToPos(x[i], "x", true), u.valToPos(y[i], "y", true));
-  u.ctx.stroke();
+  u.ctx.fillStyle = colour;
+  u.ctx.globalAlpha = 0.25;
+  x.forEach((speed, i) => {
+    u.ctx.beginPath();
+    u.ctx.arc(u.valToPos(speed, "x", true), u.valToPos(y[i], "y", true), 3 * devicePixelRatio, 0, 7);
+    u.ctx.fill();
+  });
   u.ctx.restore();
 };

@@ -235,7 +235,15 @@ def report_data(plan: Plan) -> JsonObject:
             {"name": phase.name, "start": phase.start - start, "end": phase.end - start}
             for phase in plan.motion.phases
         ],
-        "joints": [{"name": joint.name, "kind": joint.kind} for joint in plan.robot.joints],
+        "joints": [
+            {
+                "name": joint.name,
+                "kind": joint.kind,
+                "gears": joint.drive
+                and [part.name for part in (*joint.drive.stages.values(), joint.drive)],
+            }
+            for joint in plan.robot.joints
+        ],
         "panels": build_panels(plan, channels),
         "maps": [motor_map(i, motor) for i, motor in motors.items()],
         "notes": {TEMPERATURE_SECTION: list(missing_temperature_reasons(channels, motors))},
