@@ -82,10 +82,9 @@ def measured_tip_error(
     for axis in axes:
         measured[:, JOINTS.index(axis.measured.joint)] = np.interp(time, axis.t, axis.q)
     expected, actual = fk(robot, planned), fk(robot, measured)
-    distances = np.linalg.norm(actual.position - expected.position, axis=1)
     followed = tuple(replace(joint, tracking_error=0.0) for joint in robot.joints)
     return MeasuredTipError(
-        float(distances.max()),
+        float(np.linalg.norm(actual.position - expected.position, axis=1).max()),
         float(angle_between(actual.rotation, expected.rotation).max()),
         tip_error(trajectory, unchecked_copy(robot, joints=followed)),
         missing=(*(f"{name}: no recording" for name in unrecorded), *_missing_data(axes)),

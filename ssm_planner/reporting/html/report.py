@@ -240,7 +240,7 @@ def report_data(plan: Plan) -> JsonObject:
                 "name": joint.name,
                 "kind": joint.kind,
                 "gears": joint.drive
-                and [part.name for part in (*joint.drive.stages.values(), joint.drive)],
+                and [*(stage.name for stage in joint.drive.stages.values()), joint.drive.name],
             }
             for joint in plan.robot.joints
         ],
