@@ -154,7 +154,7 @@ def shortest_path_duration(
     grid, squares = np.array(span) - span[0], np.ones(2)
     duration = estimate = np.inf
     bound, changes = None, None
-    for refinement in (1, 2, 4, 8, 16, 32):
+    for refinement in (2**k for k in range(7)):
         path = PathRows.from_trajectory(trajectory, robot, span, (0.0, 1.0), refinement)
         coarse_grid, grid = grid, path.grid
         # The friction converges on the first grid. It changes little on the finer ones.
