@@ -24,6 +24,7 @@ from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.publishing import MANIFEST, RESULT_FORMAT
+from ssm_planner.reporting.text import summary_lines
 from ssm_planner.trajectory import Span, Trajectory, quintic_coefficients
 from ssm_planner.verification.check import check
 from tests.support.paths import RESULTS as RESULTS_FOLDER
@@ -201,6 +202,18 @@ def test_a_plan_from_another_process_can_be_saved_there(
     assert {"plan", "report", "trajectory"} <= set(files)
     assert all(file.is_file() for file in files.values())
     assert load_plan(tmp_path).sha256 == certified.cross_checked().sha256
+
+
+def test_a_plan_whose_certificate_was_changed_has_a_summary(tmp_path: Path) -> None:
+    """The cross-check remains if the certificate does not match the file and is left out."""
+    document = json.loads((RESULTS_FOLDER / "tilt_insert/plan.json").read_text("utf-8"))
+    document["certificate"]["limits"][0]["worst"] = 1e-9
+    (tmp_path / "plan.json").write_text(json.dumps(document), "utf-8")
+    changed = load_plan(tmp_path / "plan.json")
+    assert changed.certificate is None
+    lines = list(summary_lines(changed))
+    assert any(line.startswith("cross-check") for line in lines)
+    assert any("NOT CERTIFIED" in line for line in lines)
 
 
 def test_a_plan_without_a_passed_certificate_is_not_saved(plan: Plan, tmp_path: Path) -> None:

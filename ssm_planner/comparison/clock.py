@@ -338,7 +338,7 @@ def _refine_alignment(
     """
     no_result = start, 1.0, 1.0, (np.inf, np.inf), 0.0
     slope = np.gradient(planned_speed, planned_time)
-    cutoff = MAX_SPEED_DEVIATION * float(np.abs(planned_speed).max())
+    cutoff = MAX_SPEED_DEVIATION * np.abs(planned_speed).max()
     duration = float(planned_time[-1])
     # The planned time of the middle sample is almost independent of the rate.
     middle = float(np.clip(np.mean(t) - start, 0.0, duration))

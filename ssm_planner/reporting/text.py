@@ -723,9 +723,8 @@ def cross_check_lines(plan: "Plan") -> Iterator[str]:
             f"cross-check  {result['duration']:.4f} s by {result['by']}, the plan is "
             f"{abs(100 * result['difference']):.3f} % {comparison}"
         )
-        assert plan.certificate is not None  # because the plan passed the check
-        binding = [x.name for x in plan.certificate.limits if x.margin <= ACTIVE_MARGIN]
-        if ContinuousTorque.name in binding:
+        limits = plan.certificate.limits if plan.certificate else ()
+        if any(x.name == ContinuousTorque.name and x.margin <= ACTIVE_MARGIN for x in limits):
             yield "             (toppra does not know the limit on continuous torque, which binds)"
     if plan.path_bound and plan.duration:
         share = math.ceil(1e5 * (1 - plan.path_bound / plan.duration)) / 1e3
@@ -1044,9 +1043,9 @@ def _requirements_table(sizing: Sizing) -> Table:
             peak += f" (≤ {_format_in_milli(joint.band.high('peak_torque', confidence))})"
             rms += f" (≤ {_format_in_milli(joint.band.high('rms_torque', confidence))})"
         row = [requirement.joint, peak, rms, _format_in_milli(requirement.mean_torque)]
-        row.append(format_number(RPM * requirement.peak_speed, 4))
-        for key in ("peak_acceleration", "peak_power", "mean_power"):
-            row.append(format_number(getattr(requirement, key), 4))
+        powers = requirement.peak_power, requirement.mean_power
+        figures = RPM * requirement.peak_speed, requirement.peak_acceleration, *powers
+        row += [format_number(figure, 4) for figure in figures]
         rows.append(row + [format_number(requirement.joule_power)])
     return Table(head, rows, range(1, 9))
 
