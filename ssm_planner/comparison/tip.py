@@ -36,11 +36,11 @@ class MeasuredTipError:
     unseen: TipError
     """Bounds on the errors between motor and tip, which the recordings do not show."""
     missing: tuple[str, ...]
-    """Reasons why the recordings do not suffice. Then the tip error is not known."""
+    """Reasons why the recordings do not determine the tip error, or empty."""
 
     @property
     def total(self) -> float | None:
-        """Bound on the tip error of this run with a confidence of 99 %, m. None if not known."""
+        """Bound on the tip error of this run with a confidence of 99 %, m. None if unknown."""
         unseen = self.unseen.bound
         return None if self.missing or unseen is None else self.largest + unseen
 
@@ -74,19 +74,22 @@ def measured_tip_error(
     Returns
     -------
     MeasuredTipError
-        Largest errors, and the reasons why they are not known.
+        Largest errors and, if they are unknown, the reasons.
     """
     time = axes[0].plan.time
     planned = trajectory.sample(trajectory.breaks[0] + time).q
     measured = planned.copy()
+    joints = list(robot.joints)
     for axis in axes:
-        measured[:, JOINTS.index(axis.measured.joint)] = np.interp(time, axis.t, axis.q)
+        i = JOINTS.index(axis.measured.joint)
+        measured[:, i] = np.interp(time, axis.t, axis.q)
+        # The recording contains the tracking error.
+        joints[i] = replace(joints[i], tracking_error=0.0)
     expected, actual = fk(robot, planned), fk(robot, measured)
-    followed = tuple(replace(joint, tracking_error=0.0) for joint in robot.joints)
     return MeasuredTipError(
         float(np.linalg.norm(actual.position - expected.position, axis=1).max()),
         float(angle_between(actual.rotation, expected.rotation).max()),
-        tip_error(trajectory, unchecked_copy(robot, joints=followed)),
+        tip_error(trajectory, unchecked_copy(robot, joints=tuple(joints))),
         missing=(*(f"{name}: no recording" for name in unrecorded), *_missing_data(axes)),
     )
 

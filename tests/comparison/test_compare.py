@@ -639,6 +639,30 @@ def test_the_tip_error_adds_what_the_motors_do_not_show(shipped: Executions) -> 
     assert found.verdict == "not held"
 
 
+def test_the_tip_error_of_a_joint_without_a_recording_is_that_of_its_file(
+    shipped: Executions,
+) -> None:
+    """The spin has no drive, so only the robot file can state its tracking error."""
+    motion = shipped.plan.motion
+    for spin_error in (1e-3, None):
+        joints = tuple(
+            unchecked_copy(
+                joint,
+                motor=joint.motor
+                and unchecked_copy(joint.motor, encoder_counts=500, placeholders=()),
+                backlash=1e-4,
+                homing_error=1e-5,
+                stiffness=1e6,
+                tracking_error=spin_error if joint.drive is None else None,
+            )
+            for joint in shipped.plan.robot.joints
+        )
+        robot = unchecked_copy(shipped.plan.robot, joints=joints)
+        result = compare(motion, robot, None, shipped.healthy(1)).tip_error
+        assert (result.total is None) == (spin_error is None)
+        assert ("spin: tracking error" in result.to_dict()["missing"]) == (spin_error is None)
+
+
 @pytest.mark.parametrize("lack", ["recording", "position", "samples"])
 def test_a_tip_error_without_its_data_is_not_known(shipped: Executions, lack: str) -> None:
     recordings = shipped.healthy(2)
