@@ -165,8 +165,8 @@ class Prediction:
         another drive, load or direction.
         """
         moving = np.logical_not(self.rest)
-        expected = float(np.abs(self.tau[moving]).mean())
-        measured = float(np.abs(self.recording.tau[moving]).mean())
+        expected = np.abs(self.tau[moving]).mean()
+        measured = np.abs(self.recording.tau[moving]).mean()
         ratio = measured / max(expected, 1e-300)
         if 7.0 < ratio < 14.0 or 7.0 < 1 / max(ratio, 1e-300) < 14.0:
             yield f"the measured torque is {ratio:.2g} times the predicted: are % and ‰ exchanged?"

@@ -161,7 +161,7 @@ def retiming_problem(
     velocities = robot.velocities
     smooth_parts = split_at_corners(q, velocities)
     if not smooth_parts:
-        raise ProblemError("this path has no length: all its points are equal", key="path")
+        raise ProblemError("this path has length zero: all its points are equal", key="path")
     mechanism = Mechanism.from_robot(robot)
     deviations = [
         SplinePath(mechanism, part, velocities).deviation_from_lines for part in smooth_parts

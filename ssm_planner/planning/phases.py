@@ -297,7 +297,7 @@ def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
     may_return = at_speed and any(isinstance(phase.motion, Free) for phase in phases)
     if not may_return and all(phase.is_at_rest and not phase.motion.duration for phase in phases):
         nowhere = phases[0].motion
-        reason = "this motion has no length: its start and target are equal"
+        reason = "this motion has length zero: its start and target are equal"
         raise ProblemError(reason, file=problem.file, line=nowhere.line, key=keys[0])
     return tuple(phases)
 
@@ -585,7 +585,7 @@ def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phas
     Raises
     ------
     ProblemError
-        If a corner cannot be rounded, or if a motion has no length.
+        If a corner cannot be rounded, or if a motion has length zero.
     """
     if len(chain) == 1:
         return chain[0]

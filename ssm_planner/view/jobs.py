@@ -204,7 +204,7 @@ class PlanningJobs:
             self._kill_planner()
 
     def document(self, text_type: str, identity: str) -> str | None:
-        """Return a document of a planning run, or None if the run has no plan.
+        """Return a document of a planning run, or None for a run without a plan.
 
         A run is one request of the user to plan. The planner's process produces the text.
 

@@ -413,7 +413,7 @@ def test_a_verdict_holds_for_its_settings_only(visit: Open, server: ViewServer) 
     page = opened.page
     opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
     page.click("#here")
-    assert page.is_disabled("#save"), "a motion to its own start has no length"
+    assert page.is_disabled("#save"), "a motion to its own start has length zero"
     assert "Move a slider" in page.inner_text("#why")
     assert page.is_visible("#stale")
     type_in(page, "tilt", "-100")

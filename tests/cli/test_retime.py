@@ -124,7 +124,7 @@ def test_paths_are_cut_at_corners_and_reversals_alone() -> None:
     ("arguments", "message"),
     [
         ([], "pass either a robot or a problem"),
-        (["--robot", str(ROBOT)], "has no length"),
+        (["--robot", str(ROBOT)], "has length zero"),
         (["--robot", str(ROBOT), "--problem", "tilt_insert"], "pass either a robot or a problem"),
     ],
 )

@@ -475,7 +475,7 @@ BEGIN = "start: {roll: 0 deg, tilt: -95 deg, spin: 0 deg, depth: 5 mm}"
         ("  - line: {to: {tip: [10 mm, 0 mm, 0 mm], spin: 0 deg}}", 0, ("motion[0].line.to.tip = 10 mm, 0 mm, 0 mm",)),
         ("  - arc: {through: {tip: [10 mm, 0 mm, 0 mm], spin: 0 deg}, to: {depth: 6 mm}}", 0, ("motion[0].arc.through.tip",)),
         ("  - free: {to: {tip: [10 mm, 0 mm, 0 mm], spin: 0 deg}}", 0, ("motion[0].free.to.tip",)),
-        ("  - tilt: {to: -95 deg}", 0, ("motion[0].tilt: ", "has no length")),
+        ("  - tilt: {to: -95 deg}", 0, ("motion[0].tilt: ", "has length zero")),
     ],
 )  # fmt: skip
 def test_a_mistake_found_while_a_path_is_made_names_its_place(
@@ -485,7 +485,7 @@ def test_a_mistake_found_while_a_path_is_made_names_its_place(
     head, tail = text[: text.index("motion:")], text[text.index("limits:") :]
     head = head.replace(START, BEGIN)
     tail = "" if "178" in motion or "10 mm, 0 mm" in motion else tail
-    after = "\n  - insert: {to: 12 mm}" if "has no length" not in parts else ""
+    after = "\n  - insert: {to: 12 mm}" if "has length zero" not in parts else ""
     if not tail:  # The limits of the robot would refuse the motion earlier.
         robot = (files.root / "robots/vitreoretinal.yaml").read_text(encoding="utf-8")
         files.edit("robots/vitreoretinal.yaml", robot[robot.index("\nlimits:") + 1 :], "")

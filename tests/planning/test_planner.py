@@ -182,5 +182,5 @@ def test_a_tilt_beyond_the_mechanism_is_bad_input(tilt_insert: Problem) -> None:
 
 
 def test_a_motion_that_goes_nowhere_is_bad_input(tilt_insert: Problem) -> None:
-    with pytest.raises(ProblemError, match="has no length"):
+    with pytest.raises(ProblemError, match="has length zero"):
         plan(straight(tilt_insert, depth=0.0))

@@ -78,6 +78,6 @@ def test_a_move_to_where_the_robot_is_lasts_as_long_as_asked_for(tilt_insert: Pr
 @pytest.mark.parametrize("kind", ["straight", "free"])
 @pytest.mark.parametrize("depth", [0.0, 1e-10])
 def test_nothing_is_refused(tilt_insert: Problem, kind: str, depth: float) -> None:
-    """A problem whose only motion has no length is refused."""
-    with pytest.raises(ProblemError, match="has no length"):
+    """A problem whose only motion has length zero is refused."""
+    with pytest.raises(ProblemError, match="has length zero"):
         plan(inserting(tilt_insert, kind, depth))

@@ -31,7 +31,7 @@ SSM.addMotorMap = (grid, map, data, channels, player) => {
   const value = element("span", { class: "value" });
   const caption = element("figcaption", {}, element("strong", {}, joint.name),
     element("span", {}, [`${map.motor}${map.placeholder ? " (placeholder figures)" : ""}`, ...joint.gears].join(" + ")),
-    key(SSM.swatch(colour, []), "motion, darker where it stays longer"), value, key(square(1), "continuous"), key(square(0), "short term"),
+    key(SSM.swatch(colour, []), "motion, more solid where it stays longer"), value, key(square(1), "continuous"), key(square(0), "short term"),
     element("span", { class: "note" }, notes.length ? `regions reach ${notes.join(" and ")}` : ""));
   grid.append(element("figure", {}, caption, holder));
   const dot = element("div", { class: "dot" });
