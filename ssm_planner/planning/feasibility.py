@@ -319,8 +319,8 @@ def check_eye_clearance(phase: Phase) -> Reason | None:
         return None
     for limit in eye.limits:
         template = (
-            "the tip would be {value} from the retina (less than 0 is behind it), but the "
-            "clearance is {bound}"
+            "the clearance of the tip from the retina would be {value}, but at least {bound} is "
+            "required"
             if isinstance(limit, RetinaClearance)
             else "the shaft would touch the lens: it would pass at {value} times the size of the "
             "lens from its centre, but at least {bound} is required"
