@@ -145,11 +145,12 @@ def test_wrong_calls_fail(extracted: Path, instance: Any) -> None:
 def test_equal_plans_give_equal_units(
     exported: Callable[[str], Path], shipped: Plan, tmp_path: Path
 ) -> None:
+    unit = exported("fmu") / "ssm.fmu"  # puts the folder of the package on the path
     import ssm_planner_fmu
 
     ssm_planner_fmu.write(shipped, None, tmp_path, "")
     with (
-        zipfile.ZipFile(exported("fmu") / "ssm.fmu") as first,
+        zipfile.ZipFile(unit) as first,
         zipfile.ZipFile(tmp_path / "ssm.fmu") as second,
     ):
         names = [name for name in first.namelist() if not name.startswith("binaries")]
