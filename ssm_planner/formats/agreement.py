@@ -32,7 +32,9 @@ EXPLANATORY_KEYS = frozenset(
 RELATIVE_TOLERANCE = 1e-10
 """Relative difference up to which two numbers count as equal."""
 ABSOLUTE_TOLERANCE = 1e-11
-"""Absolute difference up to which two numbers count as equal, because machines round differently.
+"""Absolute difference up to which two numbers count as equal.
+
+The processor and the libraries of another computer may round differently.
 """
 DECIMAL_NUMBER = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
 """Pattern of a number with a decimal point in a text. All other text must be the same."""
@@ -77,15 +79,23 @@ class ExportContent:
 
 
 def file_name_suffix(manifest: JsonObject) -> str:
-    """Return the suffix in the names of all files of an export.
+    """Return the text before the extension in the names of all files of an export.
 
-    The suffix is `UNVERIFIED_SUFFIX` unless the manifest states that the plan was verified.
+    Parameters
+    ----------
+    manifest : dict
+        Content of the manifest.json of the export.
+
+    Returns
+    -------
+    str
+        "" if the manifest states that the plan was verified, and `UNVERIFIED_SUFFIX` otherwise.
     """
     return "" if manifest.get("verified") is True else UNVERIFIED_SUFFIX
 
 
 def read_rate(folder: Path, manifest: JsonObject, maximum: float) -> float:
-    """Return the rate of the rows that a manifest states, Hz.
+    """Return the rate of the rows in Hz that a manifest states.
 
     Parameters
     ----------
@@ -95,6 +105,11 @@ def read_rate(folder: Path, manifest: JsonObject, maximum: float) -> float:
         Content of the manifest.json of the folder.
     maximum : float
         Largest rate that the format allows, Hz.
+
+    Returns
+    -------
+    float
+        Rows per second, Hz.
 
     Raises
     ------
@@ -111,6 +126,15 @@ def require_same_robot(folder: Path, manifest: JsonObject, robot: Robot) -> None
     """Raise TrajectoryError if a folder was exported for another robot.
 
     The name of the robot and the SHA-256 of its data must equal those in the manifest.
+
+    Parameters
+    ----------
+    folder : Path
+        Export folder, for messages.
+    manifest : dict
+        Content of the manifest.json of the folder.
+    robot : Robot
+        Robot that shall perform the motion.
     """
     expected = {"name": robot.name, "sha256": robot_hash(robot)}
     fault = first_difference(manifest.get("robot"), expected, "robot")
@@ -121,11 +145,12 @@ def require_same_robot(folder: Path, manifest: JsonObject, robot: Robot) -> None
 def check_export_content(
     folder: Path, manifest: JsonObject, content: ExportContent, duration: float
 ) -> None:
-    """Raise TrajectoryError if files or entries of an export do not follow from its motion.
+    """Raise TrajectoryError if files or entries of an export contradict its motion.
 
-    The check has three parts. The entries of the manifest and its list of files must be those of
-    the content. The text of each file must equal the derived text, except for rounding and
-    explanations. The duration of the motion must be that of the exported plan.
+    The motion of an export determines the expected content of the folder. The check has three
+    parts. The entries of the manifest and its list of files must be the expected ones. The text of
+    each file must equal the expected text, except for rounding and explanations. The duration of
+    the motion must be that of the exported plan.
 
     Parameters
     ----------
@@ -134,9 +159,9 @@ def check_export_content(
     manifest : dict
         Content of the manifest.json of the folder.
     content : ExportContent
-        Files and entries that follow from the motion.
+        Expected files and entries, which were computed from the motion.
     duration : float
-        Duration of the motion that was read, s. It may exceed that of the plan by less than one
+        Duration of the motion that was read, s. It may exceed the duration of the plan by up to one
         interpolation period, because setpoints lie at multiples of this period.
     """
     entries = {key: manifest.get(key) for key in content.entries}

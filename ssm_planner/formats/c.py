@@ -66,12 +66,14 @@ class CFunction:
 
     Attributes
     ----------
-    name, comment : str
-        Its name, and the comment above its declaration.
+    name : str
+        Name of the function in C.
+    comment : str
+        Comment above the declaration of the function.
     inputs, outputs : tuple of Argument
-        Its arguments with their sizes.
+        Names and sizes of the arguments.
     function : casadi.Function
-        The expressions that it evaluates.
+        CasADi function with the expressions that the C function evaluates.
     """
 
     name: str
@@ -93,7 +95,12 @@ def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) ->
     folder : Path
         Folder of the files.
     suffix : str
-        Text that marks unverified files, before the extension.
+        Text before the extension of all file names: "" for a verified plan, or "_unverified".
+
+    Returns
+    -------
+    dict
+        Entries that this format adds to the manifest: units, rate (null) and notes for the user.
     """
     remarks = [f"Exported with {comment_safe_text(plan.path.name)}, SHA-256 {plan.sha256}."]
     if suffix:
@@ -123,7 +130,8 @@ def robot_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> t
     remarks : sequence of str
         Lines that are added to the comment at the beginning of both files.
     suffix : str
-        Text that marks unverified files. The source file includes a header with this suffix.
+        Suffix in the names of all files, before the extension. The source file includes the header
+        with this suffix.
 
     Returns
     -------
@@ -165,7 +173,8 @@ def trajectory_code(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -
     remarks : sequence of str
         Lines that are added to the comment at the beginning of both files.
     suffix : str
-        Text that marks unverified files. The source file includes headers with this suffix.
+        Suffix in the names of all files, before the extension. The source file includes the headers
+        with this suffix.
 
     Returns
     -------
@@ -191,7 +200,7 @@ def _c_literals(values: Array) -> Any:
 
 
 def joint_limits(robot: Robot) -> dict[str, list[float]]:
-    """Return the limits of the four joints in SI units.
+    """Return the limits of the four joints by the names of their C constants.
 
     Parameters
     ----------
@@ -201,12 +210,12 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
     Returns
     -------
     dict of lists of 4 floats
-        Limits in the order of the joints, by the name of the C constant, such as
-        "ssm_velocity_max". Infinity stands for a limit that a joint does not have.
+        Limits of joints 1 to 4 in SI units, by the name of the C constant, such as
+        "ssm_velocity_max". A limit that a joint does not have is infinite.
     """
 
     def limit(joint: Joint, limit_type: type[Limit]) -> float:
-        """Return the limit of a joint, or infinity."""
+        """Return the upper limit of a given class that a joint has, or infinity."""
         joint_limit = joint.find_limit(limit_type)
         return math.inf if joint_limit is None else joint_limit.high
 
@@ -228,6 +237,11 @@ def _render_files(template: str, values: dict[str, Any]) -> tuple[str, str]:
         Common name of the templates without their extensions .h and .c.
     values : dict
         Values of the variables in the templates, by name.
+
+    Returns
+    -------
+    header, source : str
+        Text of the two files.
     """
     templates = jinja_environment(TEMPLATE_PACKAGE, escape=False)
     header = render_template(templates, f"{template}.h", **values)
@@ -236,7 +250,20 @@ def _render_files(template: str, values: dict[str, Any]) -> tuple[str, str]:
 
 
 def _file_comment(robot: Robot, remarks: Sequence[str]) -> str:
-    """Return the comment at the beginning of a file: robot, remarks and units."""
+    """Return the comment at the beginning of a generated file.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot whose name and hash the comment states.
+    remarks : sequence of str
+        Lines between the robot and the units.
+
+    Returns
+    -------
+    str
+        Comment in C with the robot, the remarks and the units of all quantities.
+    """
     sentences = [
         f"Robot {comment_safe_text(robot.name)} (SHA-256 of its values {robot_hash(robot)}).",
         *remarks,
@@ -257,10 +284,10 @@ def comment_safe_text(name: str) -> str:
 
 
 def c_functions(robot: Robot) -> list[CFunction]:
-    """Build the C functions of a robot for a control loop.
+    """Build the functions that a control loop can call for a robot.
 
-    The functions compute the forward kinematics, the inverse kinematics, the inverse dynamics of
-    the rigid bodies, and the motor torques with friction.
+    They compute the forward kinematics, the inverse kinematics, the inverse dynamics of the rigid
+    bodies, and the motor torques with friction.
 
     Parameters
     ----------
@@ -330,7 +357,16 @@ def c_functions(robot: Robot) -> list[CFunction]:
 def _declaration(function: CFunction) -> str:
     """Return the C declaration of a function, without its semicolon.
 
-    An array is declared with its length. An input of size 0 is a single number.
+    Parameters
+    ----------
+    function : CFunction
+        Function with its arguments. An argument of size 0 is a single number, and any other
+        argument is an array of its size.
+
+    Returns
+    -------
+    str
+        Declaration such as "void ssm_forward(const ssm_real q[4], ssm_real position[3])".
     """
     inputs = [
         f"const ssm_real {argument.name}[{argument.size}]"

@@ -43,7 +43,9 @@ from ssm_planner.verification import Certificate
 DEFAULT_RATE = 1000.0
 """Default rate, Hz."""
 DEFAULT_RATE_ROWS = 100_000
-"""Largest number of rows at the default rate, which is divided by 10, 100 and so on if necessary.
+"""Largest number of rows of a table at the default rate.
+
+The default rate of a longer motion is divided by 10, 100 and so on.
 """
 LARGEST_RATE = 100_000.0
 """Largest rate of an export, Hz."""
@@ -80,15 +82,17 @@ def motion_table(
     robot : Robot
         Robot that performs the motion.
     columns : sequence of str
-        Groups of columns, which are names in `COLUMN_GROUPS`: joint positions and their
-        derivatives, motor quantities, task coordinates.
+        Names of groups of columns. The groups q, qd, qdd and qddd are the joint positions and their
+        derivatives up to the jerk. The groups angle, speed and torque belong to the motors. The
+        group task contains the task coordinates and the position of the tool tip.
 
     Returns
     -------
     header : list of str
         Names of the columns with their units.
     rows : (n, columns) array
-        Values in SI units. The first column is the time.
+        Values in SI units. The first column is the time, and the other columns follow in the order
+        of `COLUMN_GROUPS`.
     """
     header = ["time_s"]
     values = [samples.t]
@@ -105,11 +109,11 @@ def motion_table(
         breaks_away = breakaway.astype(bool) & ~is_end
         body = RigidBody.from_robot(robot)
         motor = motor_motion(robot, body, samples, direction, breaks_away)
-        driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
+        driven_joints = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
         for group, unit in MOTOR_UNITS.items():
             if group in columns:
-                header += [f"motor{i + 1}_{group}_{unit}" for i in driven]
-                values += [getattr(motor, group)[:, i] for i in driven]
+                header += [f"motor{i + 1}_{group}_{unit}" for i in driven_joints]
+                values += [getattr(motor, group)[:, i] for i in driven_joints]
     if "task" in columns:
         mechanism = Mechanism.from_robot(robot)
         header += ["task_roll_rad", "task_tilt_rad", "task_spin_rad", "task_depth_m"]
@@ -140,9 +144,8 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
         The path of the file.
     """
     if rate is None:
-        rate = DEFAULT_RATE / 10.0 ** max(
-            math.ceil(math.log10(trajectory.duration * DEFAULT_RATE / DEFAULT_RATE_ROWS)), 0
-        )
+        excess = trajectory.duration * DEFAULT_RATE / DEFAULT_RATE_ROWS
+        rate = DEFAULT_RATE / 10.0 ** max(math.ceil(math.log10(excess)), 0)
     header, rows = motion_table(trajectory.uniform(rate), robot)
     with replacing(path) as temporary:
         _write_table(temporary, header, rows, form="%.12g")
@@ -169,16 +172,17 @@ def export_csv(
     folder : Path
         Export folder.
     suffix : str
-        Text that marks unverified files, before the extension.
+        Text before the extension of all file names: "" for a verified plan, or "_unverified".
     rate : float, optional
-        Rows per second, Hz. By default, the rows are the points between which cubics (or quintics)
-        keep the limits.
+        Rows per second, Hz. By default, the rows are points of the plan that a controller can join
+        by cubics or quintics without exceeding a limit.
     columns : Sequence[str], optional
-        Groups of columns, which are names in `COLUMN_GROUPS`. With `COUNTS_GROUP`, every driven
-        joint also gets a file with the columns `time,position` in encoder increments, at the given
-        rate or `DEFAULT_RATE`.
+        Names of groups of columns, as in `motion_table`. The additional group "counts" writes one
+        file for every driven joint, with the time (s) and the position (encoder increments) at the
+        given rate or `DEFAULT_RATE`.
     counts_per_turn : int or mapping from joint to int, optional
-        Increments per motor turn, see `drive_axes`.
+        Increments per motor turn (4 × encoder counts), for all joints or by joint. The default
+        comes from the motor files.
 
     Returns
     -------
@@ -231,10 +235,10 @@ def export_csv(
 def read_csv_export(
     folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot
 ) -> Reading:
-    """Read the table of a CSV export, and derive the rest of the folder from it.
+    """Read the table of a CSV export, and compute the content that its folder must have.
 
-    This function also compares the columns of motors and task coordinates with the joints. The
-    caller compares the other files with the content of the result
+    If the table contains motor quantities or task coordinates, this function compares them with the
+    joint states. The caller compares the other files with the computed content
     (`agreement.check_export_content`).
 
     Parameters
@@ -288,7 +292,9 @@ def read_csv_export(
 
 
 def read_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, Axis]:
-    """Return the axes of all driven joints with the encoder resolutions in a manifest.
+    """Return the drive axes of all driven joints with the encoder resolutions in a manifest.
+
+    An axis holds the data of a drive that convert joint positions to encoder increments.
 
     Parameters
     ----------
@@ -310,33 +316,35 @@ def read_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, Axi
         If the increments per motor turn are not positive integers.
     """
     axes = manifest.get("axes")
-    turns = {}
+    counts_per_turn = {}
     for joint in robot.joints:
         entry = axes.get(joint.name) if isinstance(axes, dict) else None
-        turn = entry.get(COUNTS_PER_TURN_KEY) if isinstance(entry, dict) else None
-        if joint.drive is not None and (type(turn) is not int or not 0 < turn <= INT32_MAX):
+        counts = entry.get(COUNTS_PER_TURN_KEY) if isinstance(entry, dict) else None
+        if joint.drive is not None and (type(counts) is not int or not 0 < counts <= INT32_MAX):
             raise TrajectoryError(
                 f"{folder}: the manifest does not give the increments of joint {joint.name}"
             )
-        turns[joint.name] = turn or 0  # 0 for a joint without a drive
-    return drive_axes(robot, turns)
+        counts_per_turn[joint.name] = counts or 0  # 0 for a joint without a drive
+    return drive_axes(robot, counts_per_turn)
 
 
 def _check_derived_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
-    """Raise TrajectoryError if columns of motors and tasks do not follow from the joints.
+    """Raise TrajectoryError if motor quantities or task coordinates contradict the joint states.
 
-    The function computes these columns again from the states of the joints in the table. Some
-    values do not follow from these states, so they are not compared: the torque of a joint at rest,
-    all torques without accelerations, and all motor speeds without velocities.
+    The function computes these columns again from the joint states in the table. It does not
+    compare values that the joint states do not determine: the motor torque of a joint at rest, all
+    motor torques in a table without accelerations, and all motor speeds in a table without
+    velocities.
 
     Parameters
     ----------
     path : Path
-        Table with the columns.
+        CSV file with the table.
     robot : Robot
         Robot that performs the motion.
     motion : Trajectory
-        Motion through the points of the table, which supplies states that the table omits.
+        Motion through the points of the table. It supplies derivatives that the table does not
+        contain.
     """
     names = read_layout(path).names
     values = read_columns(path, names)
@@ -345,6 +353,8 @@ def _check_derived_columns(path: Path, robot: Robot, motion: Trajectory) -> None
     present = {match.group(1) for match in map(pattern.match, names) if match}
     groups = [group for group in COLUMN_GROUPS if group in present]
     states = [symbol for symbol in STATE_UNIT_SUFFIXES if symbol in groups]
+    # After the time, each state has one column for each of the four joints. The last block contains
+    # the motor and task columns.
     blocks = np.split(values[:, 1:], np.arange(4, 4 * len(states) + 1, 4), axis=1)
     samples = replace(motion.sample(values[:, 0]), **dict(zip(states, blocks, strict=False)))
     header, expected = motion_table(samples, robot, groups)
@@ -378,10 +388,12 @@ def _export_rows(
     certificate : Certificate
         Certificate of the plan.
     rate : float or None
-        Rows per second, Hz. None selects the points between which a spline keeps the limits.
+        Rows per second, Hz. None selects points of the plan that a controller can join by cubics or
+        quintics without exceeding a limit.
     columns : sequence of str
-        Groups of columns, which are names in `COLUMN_GROUPS`. If it is empty, default groups are
-        used.
+        Names of groups of columns, as in `motion_table`. If it is empty, the table contains the
+        positions and velocities, for quintics also the accelerations, or `DEFAULT_GROUPS` with a
+        rate.
 
     Returns
     -------
@@ -418,7 +430,7 @@ def _count_files(
     rate : float
         Rows per second, Hz. The last row contains the position at the end of the motion.
     suffix : str
-        Text that marks unverified files, before the extension.
+        Text before the extension of all file names: "" for a verified plan, or "_unverified".
 
     Returns
     -------
@@ -445,7 +457,7 @@ def _count_files(
 def table_text(
     columns: Mapping[str, Array], forms: tuple[str, str] = ("%.3f", "%d")
 ) -> Iterator[str]:
-    """Yield the text of a CSV file in parts, which bounds the memory in use.
+    """Yield the text of a CSV file in parts, so that a long table needs little memory.
 
     Parameters
     ----------
@@ -526,7 +538,7 @@ LARGEST_EXPONENT = 400
 
 @frozen
 class TableLayout:
-    """Layout of a table of text, which `read_layout` determines from its first lines."""
+    """Position of the header, separator and column names of a text file with a table."""
 
     header: int
     """Index of the line with the header, from 0."""
@@ -539,7 +551,9 @@ class TableLayout:
 def read_csv(path: Path, robot: Robot) -> Reading:
     """Read a trajectory from a CSV file whose header names joints and units.
 
-    The function `identify_columns` describes the accepted column names.
+    Accepted column names are, for example, time_s, q1_rad, "roll [deg]" and
+    joint1_velocity_rad_per_s. The times and the positions of all joints are required, and
+    velocities and accelerations are optional.
 
     Parameters
     ----------
@@ -551,8 +565,9 @@ def read_csv(path: Path, robot: Robot) -> Reading:
     Returns
     -------
     Reading
-        The trajectory. Rows with velocities are joined by cubics, and rows with accelerations by
-        quintics. Rows with positions alone are joined by lines.
+        The trajectory, which joins consecutive rows by straight lines if the table contains only
+        positions, by cubics if it also contains velocities, and by quintics if it also contains
+        accelerations.
 
     Raises
     ------
@@ -562,7 +577,8 @@ def read_csv(path: Path, robot: Robot) -> Reading:
     """
     layout = read_layout(path)
     columns, ignored = identify_columns(layout.names, robot, f"{path}:{layout.header + 1}")
-    # The sorted keys begin with the time. Positions, velocities and accelerations follow.
+    # The keys (derivative, joint) sort the time (−1, 0) first. The positions, velocities and
+    # accelerations of the four joints follow.
     selected = [columns[key] for key in sorted(columns)]
     rows = read_rows(path, layout, selected)
     has_velocities = (1, 0) in columns
@@ -621,7 +637,7 @@ def read_layout(path: Path) -> TableLayout:
 
 
 def read_rows(path: Path, layout: TableLayout, selected: Sequence[TableColumn]) -> Array:
-    """Read selected columns of all rows of a table.
+    """Read selected columns of all rows of a table, and convert them to SI units.
 
     Parameters
     ----------
@@ -635,7 +651,7 @@ def read_rows(path: Path, layout: TableLayout, selected: Sequence[TableColumn]) 
     Returns
     -------
     (n, k) array
-        Values in SI units. A large table is kept in a temporary file.
+        Values in SI units. The array of a large table is mapped to a temporary file.
 
     Raises
     ------
@@ -689,7 +705,8 @@ def _row_count(path: Path, layout: TableLayout) -> tuple[int, int]:
     rows : int
         Number of rows.
     last_width : int
-        Number of columns of the last row. It is too small if the file is incomplete.
+        Number of columns of the last row. If it is smaller than in the header, the file is
+        incomplete.
 
     Raises
     ------
@@ -709,19 +726,19 @@ def _row_count(path: Path, layout: TableLayout) -> tuple[int, int]:
 
 
 def read_columns(path: Path, names: Sequence[str]) -> Array:
-    """Return named columns of a table in the units of the file.
+    """Read the columns with given names from a table, without a conversion of units.
 
     Parameters
     ----------
     path : Path
         File that is read.
     names : sequence of str
-        k names in the header.
+        Names of k columns, as in the header.
 
     Returns
     -------
     (n, k) array
-        Values of the columns.
+        Values in the units of the file.
 
     Raises
     ------
@@ -779,19 +796,26 @@ def _column_count_error(path: Path, k: int, count: int, width: int) -> str:
     path : Path
         File of the table.
     k : int
-        Index of the line, from 0.
-    count, width : int
-        Number of columns of the row, and of the header.
+        Index of the line in the file, from 0.
+    count : int
+        Number of columns of the row.
+    width : int
+        Number of columns of the header.
+
+    Returns
+    -------
+    str
+        Message with the file, the line and both numbers.
     """
     return f"{path}:{k + 1}: the row has {count} columns, but the header has {width}"
 
 
 def _rounding_errors(path: Path, layout: TableLayout, positions: list[TableColumn]) -> Array:
-    """Return the largest rounding error of the positions of each joint.
+    """Estimate the largest rounding error of the positions of each joint in a table.
 
-    It is half a unit of the last digit that occurs in the first `ROUNDING_SAMPLE_ROWS` rows. The
-    check of a motion that consists of straight lines needs it, because rounding shifts the slopes
-    of the lines.
+    The estimate is half a unit of the last digit that occurs in the first `ROUNDING_SAMPLE_ROWS`
+    rows. It is needed to check a motion along straight lines between the rows, because rounding
+    changes the slopes of the lines and therefore the velocities.
 
     Parameters
     ----------
@@ -805,7 +829,8 @@ def _rounding_errors(path: Path, layout: TableLayout, positions: list[TableColum
     Returns
     -------
     (4,) array
-        Rounding errors, rad or m. 0 if every value of the joint is zero.
+        Rounding errors of the four joints, in rad for revolute joints and in m for the prismatic
+        joint. The error is 0 if every value of the joint is zero.
     """
     exponents = np.full(4, 99)
     for _, line in islice(_data_lines(path, layout), ROUNDING_SAMPLE_ROWS):
@@ -817,14 +842,15 @@ def _rounding_errors(path: Path, layout: TableLayout, positions: list[TableColum
 
 
 def _last_digit_exponent(text: str) -> int:
-    """Return the power of ten of the last digit of a number, such as −2 for "1.25".
+    """Return the power of ten of the last digit of a decimal number, such as −2 for "1.25".
 
-    The result is 99 for a zero, because a zero does not show how the numbers of its column are
-    rounded.
+    The result for a zero is 99, which means unknown, because a zero does not show how the numbers
+    of its column are rounded.
     """
     mantissa, _, exponent = text.lower().partition("e")
     if not mantissa.strip("+-0."):
         return 99
+    # Twelve characters suffice for an exponent that is limited to ±LARGEST_EXPONENT.
     power = int(exponent[:12] or 0) if exponent[1:12].isdecimal() or exponent.isdecimal() else 0
     return min(max(power, -LARGEST_EXPONENT), LARGEST_EXPONENT) - len(mantissa.partition(".")[2])
 

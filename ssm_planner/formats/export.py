@@ -50,16 +50,14 @@ def export(
     sign: str | Path | None = None,
     **options: Any,
 ) -> tuple[dict[str, Path], JsonObject]:
-    """Export a plan or a trajectory in one of `FORMATS`.
-
-    The function first checks the plan again.
+    """Check a plan or a trajectory again, and write it in a format for controllers.
 
     Parameters
     ----------
     plan : Plan, Trajectory, str or Path
         Plan, trajectory, or the path of a plan.json.
     to : str
-        Name of a format in `FORMATS`, such as csv or epos4.
+        Name of the format: "csv", "epos4", "pvt", "ros2", "urdf" or "c".
     path : str or Path, optional
         Folder to write. The default is a folder with the name of the format beside the plan.
     force : bool
@@ -75,7 +73,7 @@ def export(
     sign : str or Path, optional
         PEM file with the private Ed25519 key that signs the manifest.
     **options
-        Options of the format, see `Format.options`.
+        Further options of the format, such as `rate` (Hz). `FORMATS[to].options` describes them.
 
     Returns
     -------
@@ -142,7 +140,7 @@ def export(
 
 
 def slowed_plan(plan: Plan, speed: float, is_verified: bool) -> Plan:
-    """Return a plan whose motion is slowed down to a fraction of its speed.
+    """Slow a plan down to a fraction of its speed.
 
     Parameters
     ----------
@@ -157,8 +155,8 @@ def slowed_plan(plan: Plan, speed: float, is_verified: bool) -> Plan:
     Returns
     -------
     Plan
-        Plan with the slower motion and with the declared rates at both ends that belong to it. It
-        keeps the file name and the hash of the original plan.
+        Plan with the slower motion. The rates of the task coordinates that the plan declares for
+        both ends are slower as well. The file name and the hash are those of the original plan.
 
     Raises
     ------
@@ -174,6 +172,7 @@ def slowed_plan(plan: Plan, speed: float, is_verified: bool) -> Plan:
     if is_verified:
         seal = with_seal(certificate, motion, plan.robot, problem.task_limits)
     slowed = replace(plan, problem=problem, trajectory=motion, certificate=seal)
+    # `replace` does not copy these two fields, and the class Plan is frozen.
     object.__setattr__(slowed, "file", plan.file)
     object.__setattr__(slowed, "file_sha256", plan.file_sha256)
     return slowed
@@ -189,19 +188,19 @@ def _write_stops(
     plan : Plan
         Plan that is exported.
     folder : Path
-        Export folder. If its table of positions states velocities and keeps all limits, the stops
-        start from the motion of this table. Otherwise, they start from the motion of the plan.
+        Export folder. If it contains a table of positions and velocities whose motion keeps all
+        limits, the stops start from this motion. Otherwise, they start from the motion of the plan.
     name : str
         Name of the file.
     count : int
         Number of instants.
     details : dict
-        Entries of the manifest that the format has added.
+        Entries of the manifest that the writer of the format has returned.
 
     Returns
     -------
     dict
-        Further entries of the manifest.
+        Entry of the manifest that describes the stops.
 
     Raises
     ------
@@ -294,7 +293,7 @@ def write_manifest(
     verified : bool
         True if the plan has passed its check. If False, the manifest contains a warning.
     details : dict
-        Entries that the format adds.
+        Entries that the writer of the format has returned.
     sign : Path, optional
         PEM file with a private Ed25519 key. Without it, the manifest is not signed.
 

@@ -51,8 +51,9 @@ class TrajectoryMessage:
         Names of the joints in the order of the lists.
     time : (n,) array
         Times of the points since the start, s.
-    positions, velocities, accelerations, effort : list of sequences of float
-        One list for each point in SI units, with one value for each joint. A list may be empty.
+    positions, velocities, accelerations, effort : list of n sequences of float
+        Values of all joints for each point, in SI units. The sequence of a point is empty if the
+        point does not state the quantity.
     """
 
     names: tuple[str, ...]
@@ -66,7 +67,7 @@ class TrajectoryMessage:
 def trajectory_message(
     plan: Plan, points: SplinePoints, effort: bool, rigid: bool = False
 ) -> TrajectoryMessage:
-    """Build the JointTrajectory message of spline points.
+    """Build the JointTrajectory message with the points of an exported plan.
 
     Parameters
     ----------
@@ -88,30 +89,30 @@ def trajectory_message(
     """
     samples = points.samples
     empty: list[Sequence[float]] = [[] for _ in samples.t]
-    efforts = empty
+    effort_rows = empty
     if effort or rigid:
         body = RigidBody.from_robot(plan.robot)
-        values = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
+        efforts = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
         if not rigid:
             _, torques = motion_table(samples, plan.robot, ("torque",))
             column = 1  # after the time, the table has one column for each drive
             for i, joint in enumerate(plan.robot.joints):
                 if joint.drive is not None:
-                    values[:, i] = torques[:, column] * joint.drive.ratio
+                    efforts[:, i] = torques[:, column] * joint.drive.ratio
                     column += 1
-        efforts = values.tolist()
+        effort_rows = efforts.tolist()
     return TrajectoryMessage(
         tuple(joint.name for joint in plan.robot.joints),
         samples.t,
         positions=samples.q.tolist(),
         velocities=samples.qd.tolist(),
         accelerations=samples.qdd.tolist() if points.has_accelerations else empty,
-        effort=efforts,
+        effort=effort_rows,
     )
 
 
 def split_time(t: float) -> tuple[int, int]:
-    """Split a time in s into whole seconds and the remaining nanoseconds, as ROS 2 states times."""
+    """Split a time in s into whole seconds and remaining nanoseconds, as ROS 2 states times."""
     ticks = round(t * NANOSECONDS_PER_SECOND)
     return ticks // NANOSECONDS_PER_SECOND, ticks % NANOSECONDS_PER_SECOND
 
@@ -126,7 +127,7 @@ def yaml_text(message: TrajectoryMessage, comments: Sequence[str], under: str) -
     comments : sequence of str
         Comment lines at the beginning.
     under : str
-        Key of the message. If it is empty, the message is at the top level.
+        Key under which the message is written. If it is "", the message is at the top level.
 
     Returns
     -------
@@ -186,10 +187,23 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
 
 
 def read_yaml_message(path: Path) -> TrajectoryMessage:
-    """Return the JointTrajectory message in a YAML file.
+    """Read the JointTrajectory message in a YAML file.
 
-    The message may be at the top level, or under the keys `goal` and `trajectory`, as in an action
-    goal. Raises TrajectoryError if the file does not contain a message.
+    Parameters
+    ----------
+    path : Path
+        File with the message at the top level, or under the keys `goal` and `trajectory`, as in the
+        goal of a ROS 2 action.
+
+    Returns
+    -------
+    TrajectoryMessage
+        The message. The lengths of its lists are not checked.
+
+    Raises
+    ------
+    TrajectoryError
+        If the file does not contain a message.
     """
     content = read_yaml_content(path)
     for key in ("goal", "trajectory"):
@@ -205,6 +219,11 @@ def read_yaml_content(path: Path) -> Any:
     ----------
     path : Path
         File that is read.
+
+    Returns
+    -------
+    dict, list, str, float, int, bool or None
+        Content of the file.
 
     Raises
     ------
@@ -227,7 +246,7 @@ def parse_message(data: Any, location: str) -> TrajectoryMessage:
     Parameters
     ----------
     data : Any
-        Content of the file at the top level of the message.
+        Part of the content that should be a message.
     location : str
         Beginning of error messages, such as the path of the file.
 
@@ -306,7 +325,7 @@ def interpolate_message(
 def controller_rejections(
     message: TrajectoryMessage, joints: Sequence[str]
 ) -> tuple[list[str], list[str]]:
-    """Find the reasons for which joint_trajectory_controller rejects a message, and make remarks.
+    """Find the reasons for which joint_trajectory_controller of ROS 2 rejects a message.
 
     Parameters
     ----------
@@ -320,7 +339,8 @@ def controller_rejections(
     faults : list of str
         Reasons for which the controller rejects the message in every configuration.
     remarks : list of str
-        Behaviour that depends on the configuration of the controller.
+        Notes for the user on reactions of the controller that depend on its configuration, and on
+        its motion before the first point.
     """
     names = message.names
     time = message.time
@@ -364,7 +384,7 @@ def controller_rejections(
 
 
 def _reorder_rows(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
-    """Return the values of all points in the order of the robot's joints.
+    """Reorder the values of all points from the order of a message to that of the robot's joints.
 
     Parameters
     ----------
@@ -387,16 +407,21 @@ def _reorder_rows(rows: list[Sequence[float]], order: list[int]) -> tuple[Array,
 
 
 def _parse_time(point: Any, k: int, location: str) -> float:
-    """Return the time of a point since the start, s.
+    """Return the time of a point in seconds since the start of the motion.
 
     Parameters
     ----------
     point : Any
         The point as read from a file.
     k : int
-        Index of the point.
+        Index of the point, for messages.
     location : str
-        Beginning of error messages.
+        Beginning of error messages, such as the path of the file.
+
+    Returns
+    -------
+    float
+        Time, s.
 
     Raises
     ------
@@ -424,11 +449,16 @@ def _parse_numbers(point: JsonObject, key: str, k: int, location: str) -> Sequen
     point : dict
         One point of the message.
     key : str
-        Key of the list. If it is missing, the result is empty.
+        Key of the list, such as "positions".
     k : int
-        Index of the point.
+        Index of the point, for messages.
     location : str
-        Beginning of error messages.
+        Beginning of error messages, such as the path of the file.
+
+    Returns
+    -------
+    list of float or int
+        Numbers of the list, or an empty list if the key is missing.
 
     Raises
     ------

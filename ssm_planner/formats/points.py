@@ -38,15 +38,17 @@ IN_MEMORY_ROWS = 1_000_000
 
 @record
 class Points:
-    """n points of a joint motion in the order of the robot's joints.
+    """Positions of the joints at n times, with velocities and accelerations if they are known.
 
     Attributes
     ----------
     t : (n,) array
         Times, s.
-    q, qd, qdd : (n, 4) arrays
-        Positions (rad and m) and their first and second derivatives. qd or qdd is None if no point
-        states it. The arrays are in memory or in a file.
+    q : (n, 4) array
+        Positions of joints 1 to 3 in rad, and of joint 4 in m. The array is in memory or in a file.
+    qd, qdd : (n, 4) arrays or None
+        Velocities and accelerations of the joints, in the same units per s and per s². None if no
+        point states them.
     """
 
     t: Array
@@ -54,12 +56,20 @@ class Points:
     qd: Array | None = None
     qdd: Array | None = None
     has_qd: Mask | None = None
-    """True for points with velocities, (n,). None if all points have velocities, or if qd is None.
+    """Array (n,) that is True for points with velocities.
+
+    None if all points have velocities, or if `qd` is None.
     """
     has_qdd: Mask | None = None
-    """True for points with accelerations, (n,). None has the same meaning as for `has_qd`."""
+    """Array (n,) that is True for points with accelerations.
+
+    None if all points have accelerations, or if `qdd` is None.
+    """
     resolution: Array | None = None
-    """Largest rounding error of the positions, (4,), rad and m. None if the rounding is unknown."""
+    """Largest rounding error of the positions of each joint (4,), in the units of `q`.
+
+    None if the rounding is unknown.
+    """
     point_name: Callable[[int], str] = "point {}".format
     """Function that returns the name of a point for messages, given its index."""
 
@@ -76,7 +86,9 @@ class Reading:
     interpolation: str
     """Description of the motion between the points, such as "cubic between points (…)"."""
     resolution: Array | None
-    """Largest rounding error of the positions (4,), rad and m. None if no piece is a straight line.
+    """Largest rounding error of the positions of each joint (4,), rad for joints 1 to 3, m for 4.
+
+    None if no piece of the motion is a straight line in joint space.
     """
     notes: tuple[str, ...] = ()
     """Remarks on the file for the user."""
@@ -107,8 +119,8 @@ class Reading:
         Returns
         -------
         Certificate
-            Result for every limit. Of all stops, it contains only the result with the smallest
-            margin.
+            Result for every limit of the motion. If there are stops, it also contains the one
+            result with the smallest margin of all stops.
         """
         certificate = check(
             self.trajectory,
@@ -119,14 +131,15 @@ class Reading:
         )
         checks = self.checks
         if self.stops:
-            # A stop begins in motion, and ends at rest unless the motion itself ends moving.
+            # A stop begins in motion, and ends at rest unless the motion itself ends moving. The
+            # rate None allows any motion at an end.
             end_rate = None if limits.end_rate else limits.end_rate
-            alone = replace(limits, start_rate=None, end_rate=end_rate, motion=())
+            stop_limits = replace(limits, start_rate=None, end_rate=end_rate, motion=())
             results = []
             for stop in self.stops:
                 resolution = stop.resolution if self.resolution is None else self.resolution
-                certificate_of_stop = check(stop.trajectory, robot, alone, resolution=resolution)
-                results.append(certificate_of_stop.worst)
+                result = check(stop.trajectory, robot, stop_limits, resolution=resolution)
+                results.append(result.worst)
             tightest = min(results, key=lambda result: result.margin)
             checks += (replace(tightest, name="controlled stop", case=tightest.name),)
         return certificate.with_more(checks)
@@ -143,7 +156,10 @@ class Reading:
 
 
 def interpolate_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Reading:
-    """Build the trajectory through points as joint_trajectory_controller interpolates them.
+    """Build the trajectory through points as joint_trajectory_controller of ROS 2 does.
+
+    Two points are joined by a straight line if at least one of them has no velocity, by a quintic
+    if both have velocities and accelerations, and otherwise by a cubic.
 
     Parameters
     ----------
@@ -162,22 +178,23 @@ def interpolate_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()
     Raises
     ------
     TrajectoryError
-        If the points are not a trajectory of this robot, see `check_points`.
+        If the points do not form a trajectory of this robot, for example if a time decreases or a
+        unit is wrong.
     """
     check_points(points, robot)
     n = len(points.t)
-    velocity, acceleration = points.has_qd, points.has_qdd
-    if velocity is None:
-        velocity = np.full(n, points.qd is not None)
-    if acceleration is None:
-        acceleration = np.full(n, points.qdd is not None)
-    cubic = velocity[:-1] & velocity[1:]
-    quintic = cubic & acceleration[:-1] & acceleration[1:]
+    has_qd, has_qdd = points.has_qd, points.has_qdd
+    if has_qd is None:
+        has_qd = np.full(n, points.qd is not None)
+    if has_qdd is None:
+        has_qdd = np.full(n, points.qdd is not None)
+    cubic = has_qd[:-1] & has_qd[1:]
+    quintic = cubic & has_qdd[:-1] & has_qdd[1:]
     pieces: Any = _LazyCoefficients(points, cubic, quintic)
     trajectory = Trajectory(points.t, pieces if n > PIECES_PER_BLOCK else pieces[:], ())
-    straight = not cubic.all()
     resolution = None
-    if straight:
+    if not cubic.all():
+        # The rounding of positions changes the slopes of straight pieces.
         resolution = np.zeros(4) if points.resolution is None else points.resolution
     return Reading(trajectory, describe_interpolation(cubic, quintic), resolution, notes)
 
@@ -185,8 +202,8 @@ def interpolate_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()
 def large_array(shape: tuple[int, ...]) -> Array:
     """Return an uninitialised array of floats with a given shape (n, …).
 
-    An array with more than `IN_MEMORY_ROWS` rows is in a temporary file. The operating system reads
-    and writes its parts on demand.
+    An array with more than `IN_MEMORY_ROWS` rows is mapped to a temporary file, so that the
+    operating system can keep parts of it on the disk.
     """
     if shape[0] <= IN_MEMORY_ROWS:
         return np.empty(shape)
@@ -200,7 +217,8 @@ def describe_interpolation(cubic: Mask, quintic: Mask) -> str:
     Parameters
     ----------
     cubic : (n,) array of bool
-        True for pieces that are cubic or quintic. A piece joins two points.
+        True for pieces that are cubic or quintic. A piece is the motion between two consecutive
+        points.
     quintic : (n,) array of bool
         True for quintic pieces.
 
@@ -227,9 +245,9 @@ def describe_interpolation(cubic: Mask, quintic: Mask) -> str:
 def check_points(points: Points, robot: Robot) -> None:
     """Raise TrajectoryError if points do not form a trajectory of the robot.
 
-    Faults are too few points, values that are not finite, times that do not increase, wrong units
-    and swapped columns. The message names the first faulty point, or the joint whose derivatives
-    do not fit.
+    Faults are fewer than two points, values that are not finite, times that do not increase, wrong
+    units and swapped columns. The message names the first faulty point, or the joint whose
+    derivatives contradict its positions.
 
     Parameters
     ----------
@@ -239,7 +257,7 @@ def check_points(points: Points, robot: Robot) -> None:
         Robot that shall perform the motion. Its joints determine the plausible values.
     """
     t = points.t
-    n = len(points.t)
+    n = len(t)
     if n < 2:
         raise TrajectoryError(f"{points.point_name(0)}: {n} point; a trajectory needs at least two")
     columns = (
@@ -275,16 +293,16 @@ def check_points(points: Points, robot: Robot) -> None:
 class _LazyCoefficients:
     """Coefficients (n − 1, 6, 4) of the pieces between n points, computed when they are used.
 
-    An object of this class replaces the array of coefficients of a Trajectory. For a long table,
-    this array would be larger than the points.
+    An object of this class replaces the array of coefficients of a Trajectory, which would need
+    more memory than the points of a long table. It supports indexing like this array.
     """
 
     points: Points
-    """Points between which the pieces lie."""
+    """The n points. A piece is the motion between two consecutive points."""
     cubic: Mask
-    """True for pieces whose two points state velocities, (n − 1,)."""
+    """Array (n − 1,) that is True for pieces whose two points state velocities."""
     quintic: Mask
-    """True for pieces whose two points also state accelerations, (n − 1,)."""
+    """Array (n − 1,) that is True for pieces whose two points also state accelerations."""
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -302,8 +320,8 @@ class _LazyCoefficients:
         Returns
         -------
         (m, 6, 4) array
-            Coefficient of each power of the time since the start of the piece, from 0 to 5, for
-            each of the four joints, rad or m and s.
+            Coefficient of each power of the time (s) since the start of the piece, from 0 to 5, for
+            each of the four joints. The position is in rad for joints 1 to 3 and in m for joint 4.
         """
         points = self.points
         start = np.arange(len(self.cubic))[index]
@@ -313,6 +331,7 @@ class _LazyCoefficients:
         length = points.t[start + 1] - points.t[start]
         is_cubic = self.cubic[start] & ~self.quintic[start]
         is_quintic = self.quintic[start]
+        # All pieces are first straight. Cubics and quintics then replace straight pieces.
         coefficients = np.zeros((len(length), DEGREE + 1, 4))
         coefficients[:, 0] = starts[0]
         coefficients[:, 1] = (ends[0] - starts[0]) / length[:, None]
@@ -335,12 +354,15 @@ SHORT_TABLE_POINTS = 20
 In a short table, the joints may rest at every point and move in between.
 """
 LARGEST_COMPARED_INTERVALS = 20_000
-"""Largest number of intervals that are compared. Of a longer table, equidistant ones are selected.
+"""Largest number of intervals on which derivatives are compared with slopes.
+
+In a table with more intervals, a selection at equal distances is compared.
 """
 AGREEMENT_TOLERANCE = 0.05
-"""Largest relative residual, and largest deviation of the factor from 1, of columns that agree.
+"""Tolerance for the comparison of derivatives with slopes.
 
-The factor and the residual are those of `_fit_factor`.
+Derivatives = factor · slopes is fitted by least squares. The columns agree if the relative residual
+and the deviation of the factor from 1 are smaller than the tolerance.
 """
 UNIT_ERROR_FACTOR = 2.0
 """Ratio of derivatives to slopes beyond which the derivatives have another unit than the values."""
@@ -352,15 +374,15 @@ UNIT_CONFUSIONS = (
 
 
 def check_magnitudes(q: Array, robot: Robot, point_name: Callable[[int], str], start: int) -> None:
-    """Raise TrajectoryError if a position is too large for its kind of joint.
+    """Raise TrajectoryError if a joint position is implausibly large.
 
-    A revolute joint does not turn by more than `LARGEST_ANGLE`, and a prismatic joint does not move
-    by more than `LARGEST_STROKE`. Larger values suggest a wrong unit or swapped columns.
+    Values above `LARGEST_ANGLE` for a revolute joint, or above `LARGEST_STROKE` for a prismatic
+    joint, suggest a wrong unit or swapped columns.
 
     Parameters
     ----------
     q : (n, 4) array
-        Joint positions, rad and m.
+        Positions of joints 1 to 3 in rad, and of joint 4 in m.
     robot : Robot
         Robot that performs the motion.
     point_name : callable
@@ -383,11 +405,12 @@ def check_magnitudes(q: Array, robot: Robot, point_name: Callable[[int], str], s
 def check_derivatives(
     t: Array, value: Array, derivative: Array, robot: Robot, names: tuple[str, str]
 ) -> None:
-    """Raise TrajectoryError if derivatives have another unit or belong to another joint.
+    """Raise TrajectoryError if derivatives have a wrong unit or belong to another joint.
 
-    The derivative, averaged over both ends of each interval, is compared with the slope of the
-    values over this interval. If both are proportional but not equal, the unit is wrong. If the
-    derivative equals the slope of another joint, columns are swapped.
+    For each joint, the mean of the derivatives at both ends of an interval is compared with the
+    slope of the values, that is, their change divided by the length of the interval. If the means
+    are proportional to the slopes by a factor that is far from 1, the unit is wrong. If the means
+    of another joint equal the slopes, columns are swapped.
 
     Parameters
     ----------
@@ -398,7 +421,8 @@ def check_derivatives(
     robot : Robot
         Robot that performs the motion.
     names : (str, str)
-        Names of the values and of the derivatives for messages.
+        Names of the values and of the derivatives for messages, such as ("positions",
+        "velocities").
     """
     if len(t) <= SHORT_TABLE_POINTS:
         return
@@ -434,12 +458,12 @@ def check_derivatives(
 
 
 def _columns_agree(factor: float, residual: float) -> bool:
-    """Return True if a factor and a residual of `_fit_factor` show that two columns are equal."""
+    """Return True if two columns are equal, given the factor and the residual of `_fit_factor`."""
     return residual < AGREEMENT_TOLERANCE and abs(factor - 1) < AGREEMENT_TOLERANCE
 
 
 def _fit_factor(slope: Array, mean: Array) -> tuple[float, float]:
-    """Fit mean = factor · slope by least squares.
+    """Fit a factor between mean derivatives and slopes by least squares.
 
     Parameters
     ----------
@@ -449,9 +473,9 @@ def _fit_factor(slope: Array, mean: Array) -> tuple[float, float]:
     Returns
     -------
     factor : float
-        Best factor, or 0 if all mean derivatives are 0.
+        Factor that minimises the norm of mean − factor · slope, or 0 if all mean derivatives are 0.
     residual : float
-        Norm of mean − factor · slope, relative to the norm of `mean`. It is 1 if the latter is 0.
+        This norm divided by the norm of `mean`, or 1 if all mean derivatives are 0.
     """
     size = float(np.linalg.norm(mean))
     if size == 0.0:

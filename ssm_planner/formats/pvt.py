@@ -91,9 +91,9 @@ class PvtTable:
     t: Array
     """Times in s (n,), multiples of 1 ms."""
     rows: dict[str, tuple[Array, Array]]
-    """Positions and velocities (n,) by joint, in increments and increments/s.
+    """Positions and velocities (n,) by name of the joint, in increments and increments/s.
 
-    Joints without a drive have rad, m and s instead.
+    A joint without a drive has rad and rad/s (joints 1 to 3), or m and m/s (joint 4).
     """
     stretch: float
     """Duration of the table divided by the duration of the plan."""
@@ -121,9 +121,10 @@ def export_pvt(
     folder : Path
         Export folder.
     suffix : str
-        Text that marks unverified files, before the extension.
+        Text before the extension of all file names: "" for a verified plan, or "_unverified".
     counts_per_turn : int or mapping from joint to int, optional
-        Increments per motor turn, see `drive_axes`.
+        Increments per motor turn (4 × encoder counts), for all joints or by joint. The default
+        comes from the motor files.
 
     Returns
     -------
@@ -186,11 +187,17 @@ def pvt_content(
     t : (n,) array
         Times of the rows, s.
     rows : mapping of str to two (n,) arrays
-        Positions and velocities by joint, in the units of `PvtTable.rows`.
+        Positions and velocities by name of the joint, in increments and increments/s. A joint
+        without a drive has rad and rad/s (joints 1 to 3), or m and m/s (joint 4).
     limits : TaskLimits
-        Limits with the rates at both ends.
+        Limits of the task, of which the manifest states the declared rates at both ends.
     suffix : str
-        Text that marks unverified files, before the extension.
+        Text before the extension of all file names: "" for a verified plan, or "_unverified".
+
+    Returns
+    -------
+    ExportContent
+        One CSV file for each joint, and the entries rate_hz, units, axes and rates of the manifest.
 
     Raises
     ------
@@ -240,16 +247,18 @@ def pvt_content(
 
 
 def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
-    """Read the motion that drives execute for exported tables: cubics between their rows.
+    """Read the motion that drives execute for exported tables.
+
+    The motion consists of cubics between the rows of the tables.
 
     Parameters
     ----------
     folder : Path
         Export folder.
     manifest : dict
-        Its manifest.
+        Content of the manifest.json of the folder.
     names : collection of str
-        Files that are unchanged since the export.
+        Files of the manifest whose content is unchanged since the export.
     robot : Robot
         Robot that performs the motion.
 
@@ -282,21 +291,26 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
 
 
 def _column_names(joint: Joint, driven: bool) -> tuple[str, str]:
-    """Return the names of the columns of positions and velocities of a joint.
+    """Return the names of the columns with the positions and the velocities of a joint.
 
     Parameters
     ----------
     joint : Joint
         Joint of the table.
     driven : bool
-        True if the joint has a drive, so that its unit is an increment.
+        True if the joint has a drive, so that its positions are in increments.
+
+    Returns
+    -------
+    position, velocity : str
+        Names such as "position_inc" and "velocity_inc_per_s".
     """
     unit = "inc" if driven else joint.unit
     return f"{POSITION_COLUMN}_{unit}", f"{VELOCITY_COLUMN}_{unit}_per_s"
 
 
 def _feasible_table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> PvtTable:
-    """Return the first table whose cubics keep every limit.
+    """Return the first candidate table whose cubics keep every limit.
 
     Parameters
     ----------
@@ -306,12 +320,17 @@ def _feasible_table(plan: Plan, certificate: Certificate, axes: dict[str, Axis])
         Certificate of the plan. If it did not pass, the result is the first table, even if this
         table exceeds a limit.
     axes : dict of Axis
-        Drives by joint.
+        Drives by name of the joint.
+
+    Returns
+    -------
+    PvtTable
+        Rows of all joints with the certificate of the cubics between them.
 
     Raises
     ------
     ExportError
-        If every table exceeds a limit. The message describes the table with the largest margin.
+        If every table exceeds a limit. The message describes the violation of the best table.
     """
     certificates = []
     for table in _candidate_tables(plan, axes, SLOWDOWNS if certificate.passed else (0.0,)):
@@ -329,33 +348,40 @@ def _feasible_table(plan: Plan, certificate: Certificate, axes: dict[str, Axis])
 
 
 def _candidate_tables(
-    plan: Plan, axes: dict[str, Axis], stretches: Collection[float]
+    plan: Plan, axes: dict[str, Axis], slowdowns: Collection[float]
 ) -> Iterator[PvtTable]:
-    """Yield tables with different durations and times between rows, in the order of trial.
+    """Yield candidate tables of a plan that differ in duration and in the time between rows.
 
     Parameters
     ----------
     plan : Plan
         Plan that is exported.
     axes : dict of Axis
-        Drives by joint.
-    stretches : collection of float
-        Relative increases of the duration in the order of trial. For each of them, the intervals
-        `ROW_INTERVALS_MS` are tried in their order.
+        Drives by name of the joint.
+    slowdowns : collection of float
+        Relative increases of the plan's duration, in the order of trial. For each of them, the
+        function tries all times between rows in `ROW_INTERVALS_MS`.
+
+    Yields
+    ------
+    PvtTable
+        Rows of all joints with the certificate of the cubics between them.
 
     Raises
     ------
     ExportError
         If the motion is too short for a table.
     """
-    for slowdown in stretches:
-        for interval in ROW_INTERVALS_MS:
-            total = int(np.ceil(plan.motion.duration * (1 + slowdown) * 1000 - 1e-6))
-            intervals = max(int(np.ceil(total / interval)), 2)
-            if total < intervals:
-                raise ExportError(f"{plan.path}: the motion of {total} ms is too short for a table")
-            t = np.round(np.linspace(0, total, intervals + 1)) / 1000
-            stretch = total / 1000 / plan.motion.duration
+    for slowdown in slowdowns:
+        for interval_ms in ROW_INTERVALS_MS:
+            total_ms = int(np.ceil(plan.motion.duration * (1 + slowdown) * 1000 - 1e-6))
+            intervals = max(int(np.ceil(total_ms / interval_ms)), 2)
+            if total_ms < intervals:
+                raise ExportError(
+                    f"{plan.path}: the motion of {total_ms} ms is too short for a table"
+                )
+            t = np.round(np.linspace(0, total_ms, intervals + 1)) / 1000
+            stretch = total_ms / 1000 / plan.motion.duration
             rows = {}
             q = np.empty((len(t), 4))
             qd = np.empty((len(t), 4))
@@ -373,7 +399,7 @@ def _candidate_tables(
 
 
 def _plan_samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:
-    """Return the positions and velocities of one joint at some instants of the slowed-down plan.
+    """Return positions and velocities of one joint at given instants of the slowed-down plan.
 
     Parameters
     ----------
@@ -382,17 +408,17 @@ def _plan_samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, 
     t : (n,) array
         Times of the slower motion since its start, s.
     stretch : float
-        Factor on the duration of the plan.
+        Duration of the slower motion divided by the duration of the plan.
     i : int
-        Index of the joint.
+        Index of the joint, from 0.
 
     Returns
     -------
     positions, velocities : (n,) arrays
         Samples in rad or m, and rad/s or m/s.
     """
-    s = sample_slowed_plan(plan, plan.motion.breaks[0] + t, stretch)
-    return s.q[:, i], s.qd[:, i]
+    samples = sample_slowed_plan(plan, plan.motion.breaks[0] + t, stretch)
+    return samples.q[:, i], samples.qd[:, i]
 
 
 class _RowFit:
@@ -424,18 +450,18 @@ class _RowFit:
     """
 
     def __init__(self, plan: Plan, i: int, t: Array, stretch: float, unit: float) -> None:
-        """Compute the coefficients and bounds of the linear program that the class states.
+        """Compute the coefficients and bounds of the linear program for one joint.
 
         Parameters
         ----------
         plan : Plan
             Plan that is exported.
         i : int
-            Index of the joint.
+            Index of the joint, from 0.
         t : (n,) array
             Times of the rows, s.
         stretch : float
-            Factor on the duration of the plan.
+            Duration of the table divided by the duration of the plan.
         unit : float
             Increments of the encoder per rad or m of the joint.
         """
@@ -448,6 +474,7 @@ class _RowFit:
         self.positions = q * unit
         self.velocities = qd * unit * tau
         low, high = sorted(bound * unit for bound in joint.position)
+        # The range in whole increments. The tolerance keeps a bound that is itself an increment.
         self.range = np.ceil(low - 1e-6), np.floor(high + 1e-6)
         breaks = (motion.breaks - motion.breaks[0]) * stretch
         self._sample_times = np.unique(
@@ -455,15 +482,16 @@ class _RowFit:
         )
         self._interval_starts = np.searchsorted(self._sample_times, t[:-1])
         instants = motion.breaks[0] + self._sample_times / stretch
+        # The left and right values differ where the acceleration of the plan jumps.
         sides = [motion.sample(instants, "left"), motion.sample(instants, "right")]
+        positions = np.array([samples.q[:, i] for samples in sides]) * unit
+        velocities = np.array([samples.qd[:, i] for samples in sides]) * unit * tau
         planned_accelerations = np.array([samples.qdd[:, i] for samples in sides]) * unit * tau**2
         # The bounds include the accelerations of the plan and those of the slower plan.
         accelerations = np.concatenate([planned_accelerations, planned_accelerations / stretch**2])
+        p = self._neighbourhood_extremes(positions)
+        v = self._neighbourhood_extremes(velocities)
         a = self._neighbourhood_extremes(accelerations)
-        v = self._neighbourhood_extremes(
-            np.array([samples.qd[:, i] for samples in sides]) * unit * tau
-        )
-        p = self._neighbourhood_extremes(np.array([samples.q[:, i] for samples in sides]) * unit)
         limit = abs(joint.acceleration * unit * tau**2)
         h = np.diff(t) / tau
         # Rounding both positions by half an increment changes an acceleration by at most
@@ -480,7 +508,11 @@ class _RowFit:
             ((ones, zeros, h / 3, zeros), p, 0.0),
             ((zeros, ones, zeros, -h / 3), p, 0.0),
         )
-        """Factors of positions and velocities, bounds of their sum, and tolerance for ε = 1."""
+        """Conditions of the linear program on every interval.
+
+        A condition consists of the factors of p₀, p₁, v₀ and v₁, the bounds of the sum of these
+        products, and the amount by which the sum may exceed the bounds if ε = 1.
+        """
 
     def _neighbourhood_extremes(self, values: Array) -> tuple[Array, Array]:
         """Return the extremes of a quantity on each interval together with its two neighbours.
@@ -488,16 +520,17 @@ class _RowFit:
         Parameters
         ----------
         values : (k, m) array
-            Values of the quantity at m instants of the plan (`_sample_times`). Each of the k lines
-            of the array belongs to another motion or side: at a jump, the values on both sides
-            count. For accelerations, the plan and the slower plan count. The extremes are taken
-            over all lines.
+            Values of the quantity at m instants of the plan (`_sample_times`). The extremes are
+            taken over all k rows of the array. Two rows contain the values just before and just
+            after each instant, which differ at a jump. For accelerations, two more rows contain
+            those of the slower plan.
 
         Returns
         -------
         lowest, highest : (n − 1,) arrays
             Extremes for each interval between two rows.
         """
+        # Each interval is combined with its neighbours. The first and the last one are repeated.
         low = np.pad(np.minimum.reduceat(values.min(axis=0), self._interval_starts), 1, mode="edge")
         high = np.pad(
             np.maximum.reduceat(values.max(axis=0), self._interval_starts), 1, mode="edge"
@@ -536,7 +569,7 @@ class _RowFit:
         return position, np.round((self.velocities + w) * self.rate)
 
     def _solve(self, d: Array, free: Array) -> tuple[Array, Array]:
-        """Solve the linear program that the class states, for given values of some positions.
+        """Solve the linear program of the class for given values of some positions.
 
         Parameters
         ----------
@@ -554,33 +587,38 @@ class _RowFit:
             Deviations of the velocities from the plan, increments per mean time between rows. Both
             arrays are 0 if the solver finds no solution.
         """
+        # SciPy's solver takes long to import, and other exports do not need it.
         from scipy import sparse
         from scipy.optimize import Bounds, LinearConstraint, milp
 
         n = len(d)
-        lower = sparse.eye(n - 1, n)
-        next_node = sparse.eye(n - 1, n, k=1)
+        # These matrices select the row at the beginning, and the row at the end, of each interval.
+        first_rows = sparse.eye(n - 1, n)
+        second_rows = sparse.eye(n - 1, n, k=1)
         eye = sparse.eye(n)
         is_fixed = free == 0
         fixed_positions = np.where(is_fixed, d, 0.0) + self.positions
         blocks: list[list[Any]] = []
         upper: list[Array] = []
         for (p0, p1, v0, v1), (low, high), tolerance in self.constraints:
-            positions: Any = sparse.diags(p0) @ lower + sparse.diags(p1) @ next_node
-            velocities: Any = sparse.diags(v0) @ lower + sparse.diags(v1) @ next_node
-            base = positions @ self.positions + velocities @ self.velocities
+            positions: Any = sparse.diags(p0) @ first_rows + sparse.diags(p1) @ second_rows
+            velocities: Any = sparse.diags(v0) @ first_rows + sparse.diags(v1) @ second_rows
+            planned = positions @ self.positions + velocities @ self.velocities
             rounded = positions @ fixed_positions + velocities @ self.velocities
             for sign, bound in ((1, high), (-1, -low)):
                 # Samples of the plan and rounded positions may lie slightly beyond the nearby
-                # extremes.
-                edge = bound if tolerance else np.max([bound, sign * base, sign * rounded], axis=0)
+                # extremes. A condition without a tolerance must allow them.
+                if not tolerance:
+                    bound = np.max([bound, sign * planned, sign * rounded], axis=0)
                 blocks.append(
                     [sign * positions, sign * velocities, None, np.full((n - 1, 1), -tolerance)]
                 )
-                upper.append(edge - sign * base)
+                upper.append(bound - sign * planned)
+        # The deviations d lie between −e and e.
         for sign in (1, -1):
             blocks.append([sign * eye, None, -eye, None])
             upper.append(np.zeros(n))
+        # The velocities at both ends of the motion are those of the plan.
         velocity_range = np.pad(np.full(n - 2, np.inf), 1)
         low = np.where(is_fixed, d, -np.inf)
         high = np.where(is_fixed, d, np.inf)

@@ -75,10 +75,24 @@ def read_trajectory(path: str | Path, robot: Robot) -> Reading:
 
 
 def _read_file(path: Path, robot: Robot) -> Reading:
-    """Read a single file with the reader that belongs to the suffix of its name.
+    """Read a trajectory from a single file in the format that the suffix of its name denotes.
 
-    Raises TrajectoryError if the suffix is unknown, or if the file is not a trajectory of the
-    robot.
+    Parameters
+    ----------
+    path : Path
+        File with the suffix .csv, .txt, .yaml, .yml, .mcap or .db3.
+    robot : Robot
+        Robot that defines the joints of the file.
+
+    Returns
+    -------
+    Reading
+        The trajectory and the other data of the file.
+
+    Raises
+    ------
+    TrajectoryError
+        If the suffix is unknown, or if the file is not a trajectory of the robot.
     """
     suffix = path.suffix.lower()
     if not path.is_file():
@@ -148,9 +162,22 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
 
 
 def read_manifest(folder: Path) -> JsonObject:
-    """Return the manifest of an export folder.
+    """Read the manifest of an export folder.
 
-    Raises TrajectoryError if the folder does not contain the manifest of an export.
+    Parameters
+    ----------
+    folder : Path
+        Export folder.
+
+    Returns
+    -------
+    dict
+        Content of manifest.json.
+
+    Raises
+    ------
+    TrajectoryError
+        If the folder does not contain the manifest of an export.
     """
     path = folder / MANIFEST
     if not path.exists():
@@ -228,6 +255,8 @@ def _check_hashes(
 def _declared_rates(folder: Path, manifest: JsonObject, key: str) -> dict[str, float]:
     """Return the rates of task coordinates that a manifest declares for one end of the motion.
 
+    The task coordinates are roll, tilt, spin and depth.
+
     Parameters
     ----------
     folder : Path
@@ -235,12 +264,13 @@ def _declared_rates(folder: Path, manifest: JsonObject, key: str) -> dict[str, f
     manifest : dict
         Content of the manifest.json of the folder.
     key : str
-        Key of the rates: start_rate or end_rate.
+        Key of the rates: "start_rate" or "end_rate".
 
     Returns
     -------
     dict of float
-        Rates by task coordinate, rad/s and m/s. Coordinates without a rate are at rest.
+        Rates by task coordinate, in m/s for the depth and in rad/s for the others. Coordinates
+        without a rate are at rest.
 
     Raises
     ------

@@ -94,7 +94,7 @@ def export_ros2(
     folder : Path
         Export folder.
     suffix : str
-        Text that marks unverified files, before the extension.
+        Text before the extension of all file names: "" for a verified plan, or "_unverified".
     rate : float
         Rate of the joint states and transforms in the bag, Hz.
     effort : bool
@@ -163,9 +163,14 @@ def _yaml_export(
     rate : float
         Rate of the joint states in the bag, Hz.
     suffix : str
-        Text that marks unverified files, before the extension.
+        Text before the extension of all file names: "" for a verified plan, or "_unverified".
     marks : tuple of str
         Comments at the beginning of each file.
+
+    Returns
+    -------
+    ExportContent
+        Texts of both files, and the entries trajectory, rate_hz and units of the manifest.
     """
     name = f"joint_trajectory{suffix}.yaml"
     return ExportContent(
@@ -182,7 +187,9 @@ def _yaml_export(
 
 
 def read_ros2(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
-    """Read the JointTrajectory of an export, and compare its bag with a bag of this message.
+    """Read the JointTrajectory of an export, and check that its rosbag2 contains the same message.
+
+    The check writes a bag for the message again and compares both bags.
 
     Parameters
     ----------
@@ -282,11 +289,14 @@ def write_bag(folder: Path, robot: Robot, message: TrajectoryMessage, rate: floa
     store = get_typestore(Stores.ROS2_HUMBLE)
     motion = interpolate_message(message, robot, str(folder)).trajectory
     times = state_times(motion.duration, rate)
-    s = motion.sample(motion.breaks[0] + times, clamp=True)
+    samples = motion.sample(motion.breaks[0] + times, clamp=True)
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
 
         def topic(name: str, message_type: str, latched: bool = False) -> Any:
-            """Add a topic to the bag, and return its connection."""
+            """Add a topic to the bag, and return its connection.
+
+            Subscribers of a latched topic also receive messages from before their subscription.
+            """
             profiles = [_latched_qos()] if latched else []
             return writer.add_connection(
                 name, message_type, typestore=store, offered_qos_profiles=profiles
@@ -303,13 +313,24 @@ def write_bag(folder: Path, robot: Robot, message: TrajectoryMessage, rate: floa
         put(topic("/joint_trajectory", TRAJECTORY_TYPE), 0.0, _ros_trajectory(message))
         states = topic("/joint_states", STATE_TYPE)
         transforms = topic("/tf", "tf2_msgs/msg/TFMessage")
-        for t, q, qd in zip(times, s.q, s.qd, strict=True):
+        for t, q, qd in zip(times, samples.q, samples.qd, strict=True):
             put(states, t, _ros_joint_state(t, message.names, q, qd))
             put(transforms, t, _ros_transforms(t, link_poses(robot, q)))
 
 
 def _ros_trajectory(message: TrajectoryMessage) -> Any:
-    """Convert a message to the fields of a JointTrajectory in ROS 2."""
+    """Convert a message to an object with the fields of a JointTrajectory in ROS 2.
+
+    Parameters
+    ----------
+    message : TrajectoryMessage
+        Message that is converted.
+
+    Returns
+    -------
+    object
+        Object with the fields of the ROS 2 message as attributes.
+    """
     points = []
     for k, t in enumerate(message.time):
         fields = {name: np.array(getattr(message, name)[k], dtype=float) for name in POINT_FIELDS}
@@ -412,7 +433,7 @@ def link_poses(robot: Robot, q: Array) -> Iterator[tuple[str, str, Array, Array]
     robot : Robot
         Robot with the geometry and the frames of the bodies.
     q : (4,) array
-        Joint positions, rad and m.
+        Positions of joints 1 to 3 in rad, and of joint 4 in m.
 
     Yields
     ------
@@ -427,7 +448,8 @@ def link_poses(robot: Robot, q: Array) -> Iterator[tuple[str, str, Array, Array]
     parent = "base"
     frame = np.eye(3)
     for i, (link, body) in enumerate(zip(LINK_NAMES, robot.bodies, strict=True)):
-        # parent ← child = (parent frame)ᵀ e^{ξ̂ q} (child frame), both frames as placed at q = 0
+        # The rotation parent ← child is (parent frame)ᵀ · R(axis, q) · (child frame), where both
+        # frames are those at q = 0. Joints 1 to 3 turn, and joint 4 slides.
         turn = rotation_matrix(geometry.axes[i], q[i]) if i < 3 else np.eye(3)
         shift = np.zeros(3) if i < 3 else frame.T @ (geometry.axes[i] * q[i])
         yield parent, link, frame.T @ turn @ body.frame, shift
@@ -457,6 +479,7 @@ def _latched_qos() -> Any:
         QosTime,
     )
 
+    # ROS 2 encodes an infinite duration as the largest int32 (s) and the largest uint32 (ns).
     never = QosTime(2147483647, 4294967295)
     return Qos(
         history=QosHistory.KEEP_LAST,
@@ -472,7 +495,10 @@ def _latched_qos() -> Any:
 
 
 def read_rosbag(path: Path, robot: Robot) -> Reading:
-    """Read the JointTrajectory of a rosbag2, or its joint states if it contains no JointTrajectory.
+    """Read the motion in a rosbag2, a folder with recorded ROS 2 messages.
+
+    The motion is the JointTrajectory of the bag. If the bag contains no JointTrajectory, it is the
+    sequence of joint states.
 
     Parameters
     ----------
@@ -562,9 +588,17 @@ def _bag_reader(path: Path) -> Iterator[Any]:
 
 
 def _message_from_ros(trajectory: Any) -> TrajectoryMessage:
-    """Convert a JointTrajectory that was read from a bag to a `TrajectoryMessage`.
+    """Convert a JointTrajectory from a bag to a `TrajectoryMessage`.
 
-    The time of each point is converted from whole seconds and nanoseconds to s.
+    Parameters
+    ----------
+    trajectory : object
+        Message that was read, with the fields of a JointTrajectory as attributes.
+
+    Returns
+    -------
+    TrajectoryMessage
+        Message with the same values. Times in whole seconds and nanoseconds become times in s.
     """
     points = trajectory.points
     stamps = [point.time_from_start for point in points]
@@ -579,13 +613,13 @@ def _message_from_ros(trajectory: Any) -> TrajectoryMessage:
 
 
 def _message_from_states(messages: list[Any]) -> TrajectoryMessage:
-    """Build a message whose points are joint states. Each state may list the joints in any order.
+    """Build a trajectory message whose points are recorded joint states.
 
     Parameters
     ----------
     messages : list
-        JointState messages in the order of the bag. The first one determines the order of the
-        joints and the start of the time.
+        JointState messages in the order of the bag. Each message may list the joints in any order.
+        The first message determines the order of the joints in the result, and its time is 0.
 
     Returns
     -------

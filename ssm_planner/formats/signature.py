@@ -18,7 +18,7 @@ SIGNATURE = "signature"
 
 
 def sign_manifest(manifest: JsonObject, key: Path) -> str:
-    """Return the signature of a manifest in hexadecimal.
+    """Sign the manifest of an export.
 
     Parameters
     ----------
@@ -26,6 +26,11 @@ def sign_manifest(manifest: JsonObject, key: Path) -> str:
         Manifest of an export. An existing signature in it is ignored.
     key : Path
         PEM file with an Ed25519 private key.
+
+    Returns
+    -------
+    str
+        Signature in hexadecimal.
 
     Raises
     ------
@@ -36,7 +41,9 @@ def sign_manifest(manifest: JsonObject, key: Path) -> str:
 
 
 def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None:
-    """Verify the signature of an export folder.
+    """Return the reason why the signature of an export folder is invalid, or None.
+
+    The signature must belong to the manifest, and the files must have the hashes in the manifest.
 
     Parameters
     ----------
@@ -50,7 +57,7 @@ def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None
     Returns
     -------
     str or None
-        Reason why the folder differs from the signed folder, or None if both are equal.
+        Reason such as a changed manifest or file, or None if the signature is valid.
 
     Raises
     ------
@@ -67,6 +74,7 @@ def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None
         public.verify(bytes.fromhex(signature), _signed_bytes(manifest))
     except (InvalidSignature, ValueError):
         return f"the manifest was changed, or the signature belongs to another key than {key}"
+    # The symmetric difference contains the changed, missing and additional files.
     changes = set(file_hashes(folder).items()) ^ set(manifest["files"].items())
     return f"{min(changes)[0]} was changed after the signature" if changes else None
 

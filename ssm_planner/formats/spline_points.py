@@ -70,7 +70,8 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     plan : Plan
         Plan that is exported.
     certificate : Certificate
-        Certificate of the plan. If it did not pass, the first choice of points is returned.
+        Certificate of the plan. If it did not pass, the first choice of points is returned, even if
+        the spline exceeds a limit.
     tick : float, optional
         Resolution of the times that the controller accepts, s. None disables rounding.
 
@@ -84,8 +85,8 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     ExportError
         If every spline exceeds a limit.
     """
-    smooth = _acceleration_jump(plan) <= SMOOTH_ACCELERATION_JUMP
-    trials = [_try_points(plan, 1, True, 1.0, tick)] if smooth else []
+    is_smooth = _acceleration_jump(plan) <= SMOOTH_ACCELERATION_JUMP
+    trials = [_try_points(plan, 1, True, 1.0, tick)] if is_smooth else []
     for divisions in DIVISIONS:
         if trials and (trials[-1].certificate.passed or not certificate.passed):
             return trials[-1]
@@ -93,7 +94,7 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     candidate = max(trials, key=lambda trial: trial.certificate.worst.margin)
     # The trials are the quintics through the breaks, if the acceleration does not jump there, and
     # then one trial for each entry of DIVISIONS.
-    divisions = 1 if candidate.has_accelerations else DIVISIONS[trials.index(candidate) - smooth]
+    divisions = 1 if candidate.has_accelerations else DIVISIONS[trials.index(candidate) - is_smooth]
     for _ in range(MAX_SLOWDOWN_TRIALS):
         if candidate.certificate.passed:
             return candidate
@@ -116,25 +117,26 @@ def sample_slowed_plan(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     plan : Plan
         Plan that is exported.
     t : (n,) array
-        Instants of the slower motion, s. An instant that exceeds the end by less than
-        `TIME_ROUNDING` counts as the end.
+        Instants of the slower motion, s. The motion starts at the same time as the plan.
     stretch : float
-        Factor on the duration.
+        Duration of the slower motion divided by the duration of the plan.
 
     Returns
     -------
     Samples
-        State of the joints at these instants. After the end, the joints rest.
+        States of the joints at these instants. The joints rest at instants that exceed the end by
+        more than `TIME_ROUNDING`.
     """
     start = plan.motion.breaks[0]
     end = plan.motion.breaks[-1]
-    s = plan.motion.sample(np.minimum(start + (t - start) / stretch, end))
-    is_before_end = (s.t < end) | (t <= start + plan.motion.duration * stretch + TIME_ROUNDING)
-    moving = is_before_end[:, None]
-    qd = s.qd * moving / stretch
-    qdd = s.qdd * moving / stretch**2
-    qddd = s.qddd * moving / stretch**3
-    return Samples(t, s.q, qd, qdd, qddd)
+    samples = plan.motion.sample(np.minimum(start + (t - start) / stretch, end))
+    last = start + plan.motion.duration * stretch + TIME_ROUNDING
+    moves = ((samples.t < end) | (t <= last))[:, None]
+    # The n-th time derivative of the slower motion is smaller by the factor stretch^n.
+    qd = samples.qd * moves / stretch
+    qdd = samples.qdd * moves / stretch**2
+    qddd = samples.qddd * moves / stretch**3
+    return Samples(t, samples.q, qd, qdd, qddd)
 
 
 def _try_points(
@@ -151,9 +153,9 @@ def _try_points(
     has_accelerations : bool
         True to join the points by quintics instead of cubics.
     stretch : float
-        Factor on the duration.
+        Duration of the spline divided by the duration of the plan.
     tick : float or None
-        Resolution of the times, s. None disables rounding.
+        Resolution of the times that the controller accepts, s. None disables rounding.
 
     Returns
     -------
@@ -161,20 +163,19 @@ def _try_points(
         The points, and the certificate of the spline through them.
     """
     breaks = plan.motion.breaks
-    shares = np.arange(divisions) / divisions
-    t = np.append(breaks[:-1, None] + shares * np.diff(breaks)[:, None], breaks[-1])
+    fractions = np.arange(divisions) / divisions
+    t = np.append(breaks[:-1, None] + fractions * np.diff(breaks)[:, None], breaks[-1])
     t = (t - breaks[0]) * stretch
     if tick is not None:
         t = np.round(t / tick) * tick
-    s = replace(sample_slowed_plan(plan, breaks[0] + t, stretch), t=t)
+    samples = replace(sample_slowed_plan(plan, breaks[0] + t, stretch), t=t)
     # Remove rounding errors at the end, because controllers refuse a nonzero last velocity.
-    if np.all(np.abs(s.qd[-1]) < 1e-6):
-        s.qd[-1] = 0.0
-    reading = interpolate_points(
-        Points(t, s.q, s.qd, s.qdd if has_accelerations else None), plan.robot
-    )
+    if np.all(np.abs(samples.qd[-1]) < 1e-6):
+        samples.qd[-1] = 0.0
+    qdd = samples.qdd if has_accelerations else None
+    reading = interpolate_points(Points(t, samples.q, samples.qd, qdd), plan.robot)
     certificate = reading.check(plan.robot, plan.limits.slower(stretch))
-    return SplinePoints(s, has_accelerations, stretch, certificate)
+    return SplinePoints(samples, has_accelerations, stretch, certificate)
 
 
 def _acceleration_jump(plan: Plan) -> float:
@@ -188,11 +189,11 @@ def _acceleration_jump(plan: Plan) -> float:
 
 
 def _stretch_factor(plan: Plan, violation: LimitCheck) -> float:
-    """Return the factor on the duration with which the motion keeps a violated limit.
+    """Estimate how much longer a motion must last to keep a limit that it violates.
 
-    If a motion is slowed down a little, a quantity that depends on the n-th derivative decreases at
-    least with the n-th power of the speed. The factor is therefore (1 − 1.2 margin)^(1/n), where
-    the margin of a violated limit is negative and 1.2 adds a reserve.
+    The margin m of a violated limit is negative, and the limited quantity is 1 − m times its limit.
+    If the limit concerns the n-th time derivative, the quantity decreases at least with the n-th
+    power of the speed. The factor is therefore (1 − 1.2 m)^(1/n), where 1.2 adds a reserve.
 
     Parameters
     ----------
@@ -204,9 +205,10 @@ def _stretch_factor(plan: Plan, violation: LimitCheck) -> float:
     Returns
     -------
     float
-        Factor above 1. It is infinite if a slower motion does not help.
+        Factor on the duration, above 1. It is infinite if a slower motion does not help.
     """
     limit = plan.problem.limit(violation.name, violation.joint)
+    # The addend 1e-7 makes the factor effective if the margin is almost 0.
     if isinstance(limit, SymmetricLimit) and not isinstance(limit, ContinuousTorque):
         return float((1 - 1.2 * violation.margin + 1e-7) ** (1 / limit.order))
     return np.inf

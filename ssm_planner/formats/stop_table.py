@@ -79,7 +79,7 @@ def stop_table(
 
 
 def _column_names(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Array]:
-    """Return the names of the columns of the table, and the units of the joint positions.
+    """Return the names of the columns of the table, and the conversion factors of its positions.
 
     Parameters
     ----------
@@ -91,9 +91,11 @@ def _column_names(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Arr
     Returns
     -------
     names : list of str
-        Names of the six columns.
+        Names of the six columns: the instant at which the stop begins, the time since then, and the
+        positions of the four joints with their units.
     scales : (4,) array
-        Increments per rad or m of each joint, or 1 for a joint in rad or m.
+        Encoder increments per rad (joints 1 to 3) or per m (joint 4). The factor is 1 for a joint
+        whose positions are in rad or m.
     """
     names = ["from_s", "time_s"]
     scales = []
@@ -105,7 +107,11 @@ def _column_names(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Arr
 
 
 def add_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robot) -> Reading:
-    """Return the motion of a folder together with its stops.
+    """Add the controlled stops of an export folder to its motion.
+
+    The stops that follow from the motion are computed again, so that the caller can compare the
+    table with them. If the folder states only positions, or if the robot has jerk limits, the stops
+    are read from the table instead.
 
     Parameters
     ----------
@@ -121,13 +127,14 @@ def add_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robot
     Returns
     -------
     Reading
-        The motion with the content that the table of stops must have. If the folder states only
-        positions, or if the robot has jerk limits, also with the stops of the table.
+        The motion with the expected content of the table, or with the stops from the table. It is
+        unchanged if the folder does not contain stops.
 
     Raises
     ------
     TrajectoryError
-        If the stops of the table do not follow the motion.
+        If the manifest does not state the number of stops, or if the stops of the table do not
+        follow the motion.
     """
     content = reading.content
     if "stops" not in manifest or content is None:
@@ -160,19 +167,19 @@ def _recorded_stops(
 ) -> Iterator[Reading]:
     """Yield the motions of the stops in the rows of a table.
 
-    Each row must lie on the path of the motion, as closely as the points of the motion determine
-    it. For a robot with jerk limits, only the first row must. A stop may be missing only where the
-    robot rests.
+    Each row must lie on the path of the motion. The tolerance is the accuracy with which the points
+    of the motion determine this path. For a robot with jerk limits, only the first row of each stop
+    must lie on the path. A stop may be missing only where the robot rests.
 
     Parameters
     ----------
     rows : (n, 6) array
-        Columns: instant at which the stop begins (s), time since then (s), and four joint positions
-        (rad and m).
+        Columns: instant at which the stop begins (s), time since then (s), positions of joints 1 to
+        3 (rad), and position of joint 4 (m).
     count : int
         Number of instants from which the table must contain stops.
     reading : Reading
-        The motion.
+        Motion from which the stops begin.
     robot : Robot
         Robot that performs the motion.
     path : Path
@@ -191,24 +198,29 @@ def _recorded_stops(
     motion = reading.trajectory
     resolution = np.zeros(4) if reading.resolution is None else reading.resolution
     interval = float(np.diff(motion.breaks).max())
+    # Largest travel from rest during one interval. The chord between two points deviates from the
+    # curve by at most a quarter of it, a·h²/8, where a is the acceleration and h the interval.
     change = robot.accelerations * interval**2 / 2
     slack = change / 4 + 2 * resolution + robot.velocities * TIME_DIGIT
 
     def positions(times: Array) -> Array:
-        """Return the positions of the motion (n, 4) at times (n,) from its start, s."""
+        """Return the joint positions (n, 4) at times (n,) in s from the start of the motion."""
         return motion.positions(np.clip(motion.breaks[0] + times, *motion.breaks[[0, -1]]))
 
     for time in np.linspace(0.0, motion.duration, count):
         steps = np.diff(positions(time + interval * np.array([-1.0, 0.0, 1.0])), axis=0)
         is_missing = np.all(np.abs(rows[:, 0] - time) > MIN_BREAK_DISTANCE + interval)
+        # Larger steps before or after the instant show that the robot moves there.
         if is_missing and np.any(np.abs(steps) > 2 * change + slack):
             raise TrajectoryError(f"{path}: no stop begins at {time:.6f} s")
     if not len(rows):
         return
+    # Every stop begins with a row whose time since the beginning is 0.
     for stop in np.split(rows, np.flatnonzero(rows[1:, 1] == 0) + 1):
         t = stop[:, 1]
         q = stop[:, 2:]
         regular = np.arange(len(t)) * ROW_PERIOD
+        # The stop is slower than the motion, so all its positions lie between samples of the path.
         path_positions = positions(stop[0, 0] + regular)
         tolerance = slack + np.abs(np.diff(path_positions, axis=0)).max(axis=0)
         distances = np.abs(q[:, None] - path_positions) / tolerance

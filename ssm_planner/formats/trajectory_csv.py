@@ -61,16 +61,17 @@ def identify_columns(
     Returns
     -------
     columns : dict of TableColumn
-        Columns by the order of the derivative (0 for positions, 1 for velocities, 2 for
-        accelerations) and the index of the joint from 0. The time has the key (−1, 0).
+        Columns of the time and the joint states. A key consists of the order of the derivative (0
+        for positions, 1 for velocities, 2 for accelerations) and the index of the joint from 0. The
+        time has the key (−1, 0).
     ignored : list of str
         Names of the unused columns.
 
     Raises
     ------
     TrajectoryError
-        If a unit is missing, unknown or wrong for the joint or the derivative. Also if a column is
-        missing or occurs twice.
+        If a unit is missing, unknown or wrong for the joint or the derivative, or if a required
+        column is missing or occurs twice.
     """
     columns: dict[tuple[int, int], TableColumn] = {}
     ignored = []
@@ -95,7 +96,7 @@ def identify_columns(
 def _check_complete(
     columns: dict[tuple[int, int], TableColumn], names: list[str], robot: Robot, location: str
 ) -> None:
-    """Raise TrajectoryError if columns are missing.
+    """Raise TrajectoryError if a table lacks columns that a trajectory requires.
 
     A table needs the time and the positions of all joints. Velocities and accelerations are
     optional, but must be complete, and accelerations require velocities.
@@ -103,7 +104,8 @@ def _check_complete(
     Parameters
     ----------
     columns : dict of TableColumn
-        Columns by (derivative, joint), as `identify_columns` returns them.
+        Columns by the order of the derivative and the index of the joint, both from 0. The time has
+        the key (−1, 0).
     names : list of str
         All column names of the file, for messages.
     robot : Robot
@@ -143,17 +145,15 @@ def _parse_heading(name: str, robot: Robot) -> tuple[tuple[int, int], float] | N
 
     Returns
     -------
-    key : (int, int)
-        Order of the derivative and index of the joint, both from 0. The time has the key (−1, 0).
-    factor : float
-        Factor that converts values to SI units.
-
-    Both are returned as a tuple, or None for a column with another quantity.
+    ((int, int), float) or None
+        Key and factor, or None for a column with another quantity. The key consists of the order of
+        the derivative and the index of the joint, both from 0. The time has the key (−1, 0). The
+        factor converts values of the column to SI units.
 
     Raises
     ------
     ValueError
-        If the unit does not fit the quantity.
+        If the unit is missing or does not fit the quantity.
     """
     label, unit = split_heading(name)
     tokens = [token for token in re.split(r"[^a-z0-9]+|_", label.lower()) if token]
@@ -191,9 +191,10 @@ def _parse_words(tokens: list[str], robot: Robot) -> tuple[int | None, int | Non
 
     Returns
     -------
-    joint, order : int or None
-        Index of the joint and order of the derivative, both from 0. None if the words do not state
-        it. Both are None if a word is unknown.
+    joint : int or None
+        Index of the joint, from 0. None if no word names a joint, or if a word is unknown.
+    order : int or None
+        Order of the derivative, from 0. None if no word states it, or if a word is unknown.
     """
     joint = None
     order = None
@@ -224,11 +225,10 @@ def _split_unit(unit: str) -> tuple[str, int]:
 
     For example, both deg/s and deg_per_s give ("deg", 1), and mm/s^2 gives ("mm", 2).
     """
-    match = re.fullmatch(rf"(.*?)({PER_SECOND})?", unit)
-    per = (match.group(2) or "") if match else ""
-    if not per:
+    match = re.search(rf"({PER_SECOND})\Z", unit)
+    if match is None:
         return unit, 0
-    return unit[: len(unit) - len(per)], 2 if per.endswith(("2", "²")) else 1
+    return unit[: match.start()], 2 if match[0].endswith(("2", "²")) else 1
 
 
 def _unit_error(unit: str, allowed: str) -> str:
@@ -237,9 +237,14 @@ def _unit_error(unit: str, allowed: str) -> str:
     Parameters
     ----------
     unit : str
-        The unit, or an empty text.
+        Unit in a column name, or "" if the column name has no unit.
     allowed : str
         Allowed units, separated by commas.
+
+    Returns
+    -------
+    str
+        Message with the unit and the allowed units.
     """
     if unit:
         return f"unit {unit!r} is not allowed (allowed: {allowed})"

@@ -44,8 +44,7 @@ MASSLESS_NOTE = (
 HARDWARE_PLUGIN = "mock_components/GenericSystem"
 """Placeholder for the hardware in ros2_control."""
 LINK_CYLINDERS = ((0.08, 0.003), (0.12, 0.001))
-"""Length and radius (m) of the cylinder that shows a link: of a turning one, and of a sliding one.
-"""
+"""Length and radius (m) of the cylinder that represents a turning link, and a sliding link."""
 UNLIMITED_EFFORT = 1e3
 """Effort limit (N·m or N) of a joint without a motor. URDF requires a number."""
 
@@ -72,7 +71,12 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
     folder : Path
         Folder of the files.
     suffix : str
-        Text that marks unverified files, before the extension.
+        Text before the extension of all file names: "" for a verified plan, or "_unverified".
+
+    Returns
+    -------
+    dict
+        Entries that this format adds to the manifest: units, rate (null) and notes for the user.
     """
     path = folder / f"robot{suffix}.urdf"
     mark = "" if not suffix else "UNVERIFIED: the exported plan has no passed certificate."
@@ -128,6 +132,11 @@ def robot_urdf(robot: Robot, mark: str = "") -> str:
 
 def _link_values(robot: Robot) -> Iterator[dict[str, Any]]:
     """Yield the values that the template robot.urdf needs for every link and its joint.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot that is described.
 
     Yields
     ------
@@ -188,9 +197,9 @@ def rpy_angles(rotation: Array) -> Array:
 def effort_limit(joint: Joint) -> float:
     """Return the largest steady effort that the motor of a joint provides through its drive.
 
-    The motor lifts the load at its largest torque τ_max. The torque without load is τ_0, and k is
-    the slope of the motor torque over the load. The result is then (τ_max − τ_0)/k − b_oc, where
-    b_oc is the friction at the output.
+    The motor lifts the load F at its largest torque τ_max. The motor torque of the drive is
+    τ = τ_0 + k (F + b_oc), where τ_0 is the torque without load, k is the slope, and b_oc is the
+    friction at the output. The result is the load F = (τ_max − τ_0)/k − b_oc.
 
     Parameters
     ----------
@@ -207,6 +216,7 @@ def effort_limit(joint: Joint) -> float:
     if drive is None or motor is None:
         return UNLIMITED_EFFORT
     rows = motor_torque_rows(drive, 1)
+    # The torque in the direction +1 is the larger one of two linear functions of the load.
     slope = max(float(rows.slope[0]), float(rows.slope[1]))
     return max(
         (motor.max_torque - float(rows.coulomb)) / slope - required_friction(drive).b_oc, 0.0
@@ -215,12 +225,17 @@ def effort_limit(joint: Joint) -> float:
 
 @cache
 def _templates(escape: bool) -> "Environment":
-    """Return the environment of the templates with the filters that they use.
+    """Return the Jinja environment that renders the templates of this module.
 
     Parameters
     ----------
     escape : bool
         True to escape texts for XML.
+
+    Returns
+    -------
+    jinja2.Environment
+        Environment with the filters that the templates use.
     """
     from markupsafe import Markup
 
@@ -235,7 +250,7 @@ def _templates(escape: bool) -> "Environment":
 
 
 def _format_triple(values: Array) -> str:
-    """Format three numbers for an attribute in XML. Rounding errors below 1e-16 become 0."""
+    """Format three numbers for an XML attribute. Values below 1e-16 are rounding errors, written 0."""
     return " ".join(_format_exact(value) for value in np.where(np.abs(values) < 1e-16, 0.0, values))
 
 
