@@ -250,7 +250,10 @@ def _templates(escape: bool) -> "Environment":
 
 
 def _format_triple(values: Array) -> str:
-    """Format three numbers for an XML attribute. Values below 1e-16 are rounding errors, written 0."""
+    """Format three numbers for an XML attribute.
+
+    Values below 1e-16 are rounding errors, so they become 0.
+    """
     return " ".join(_format_exact(value) for value in np.where(np.abs(values) < 1e-16, 0.0, values))
 
 
