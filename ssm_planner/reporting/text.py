@@ -139,7 +139,7 @@ class Table:
         return lines
 
     def _select(self, indices: Sequence[int]) -> "Table":
-        """Return a table that contains only the columns with these indices."""
+        """Return a table that contains only the columns with the given indices."""
         rows = [[row[i] for i in indices] for row in self.rows]
         numeric_columns = [k for k, i in enumerate(indices) if i in self.numeric_columns]
         return Table([self.header[i] for i in indices], rows, numeric_columns)
@@ -147,9 +147,19 @@ class Table:
     def _widths(self, limit: int) -> list[int]:
         """Return the width of each column, so that a line has at most `limit` characters.
 
-        Columns become narrower in steps of one character. Columns of numbers shrink first, and the
-        widest of them before the others. No column becomes narrower than its longest word, so a
-        line may remain too long.
+        Columns become narrower in steps of one character until they fit. The widest column of
+        numbers shrinks first, and columns of text follow. No column becomes narrower than its
+        longest word, so a line may remain too long.
+
+        Parameters
+        ----------
+        limit : int
+            Largest number of characters in a line.
+
+        Returns
+        -------
+        list of int
+            Width of each column, characters.
         """
         widths = []
         smallest = []
@@ -217,19 +227,21 @@ def limit_cells(
     limit : LimitCheck
         Result of the limit in a certificate.
     degree : str
-        Symbol of degrees.
+        Symbol of degrees, "deg" for the terminal and "°" for pages.
     digits : int
         Number of significant digits of the worst value and of the bound.
 
     Returns
     -------
     tuple of six str
-        Name, joint, worst value, bound, unit and margin. The bound begins with "≤" or "≥".
+        Name, joint, worst value, bound, unit and margin. The bound begins with "≤" or "≥". The
+        margin is the distance of the worst value from the bound in per cent of the bound.
     """
     unit, scale = unit_of_limit(limit, degree)
     excess = limit.worst - limit.limit
     is_distinct = abs(excess) > 1e-5 * abs(limit.limit) + 1e-9
-    # A permitted value above the limit, or a forbidden value below it, shows a lower limit.
+    # A permitted value above the limit, or a forbidden value below it, shows that the limit is a
+    # lower bound.
     is_floor = limit.name in LOWER_BOUND_LIMITS or (is_distinct and (excess > 0) == limit.passed)
     worst_text = format_number(scale * limit.worst, digits)
     bound = f"{'≥' if is_floor else '≤'} {format_number(scale * limit.limit, digits)}"
@@ -237,15 +249,24 @@ def limit_cells(
 
 
 def _format_in_milli(value: float) -> str:
-    """Format a thousandfold value, such as a torque in mN·m, with four significant digits."""
+    """Format 1000 times a value, such as a torque in mN·m, with four significant digits."""
     return format_number(1e3 * value, 4)
 
 
 def limits_table(limits: Iterable[LimitCheck]) -> Table:
     """Build the table of all limits, smallest margin first.
 
-    A limit on jumps, which only verifies the continuity of the motion, appears only if it is
-    exceeded.
+    Parameters
+    ----------
+    limits : iterable of LimitCheck
+        Results of all limits in a certificate. A limit on jumps only verifies the continuity of the
+        motion, so it appears in the table only if it is exceeded.
+
+    Returns
+    -------
+    Table
+        One row for each limit: the cells of `limit_cells`, the instant of the worst value in s, and
+        "EXCEEDED" for a violated limit.
     """
     rows = []
     for limit in sorted(limits, key=lambda limit: limit.margin):
@@ -256,11 +277,19 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
 
 
 def phases_table(plan: "Plan") -> Table:
-    """Build the table of the phases of a plan with their durations.
+    """Build the table of the durations and the duration bounds of all phases.
 
-    The columns contain the duration, the duration that the independent program toppra obtains, the
-    lower bound for motions along the same path, and the lower bound for all paths, in s. The last
-    row is the total.
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    Table
+        One row for each phase, and one for the total. The columns contain the duration, the
+        duration that the independent program toppra obtains, the lower bound for motions along the
+        same path, and the lower bound for all paths, in s.
     """
     entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
     entries.append(("total", plan))
@@ -272,9 +301,18 @@ def phases_table(plan: "Plan") -> Table:
 
 
 def sensitivities_table(plan: "Plan") -> Table:
-    """Build the table of the time that a motion saves if a limit is raised by one percent.
+    """Build the table of the time that a motion saves if a limit is raised by one per cent.
 
-    The last column states the saved time in per cent of the duration.
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    Table
+        One row for each limit that affects the duration, with the saved time in ms and in per cent
+        of the duration.
     """
     rows = []
     for item in plan.sensitivities or ():
@@ -286,7 +324,19 @@ def sensitivities_table(plan: "Plan") -> Table:
 
 
 def tip_error_table(plan: "Plan") -> Table:
-    """Build the table of the stated errors of the joints, and of the tip errors that they cause."""
+    """Build the table of the stated joint errors and of the tip errors that they cause.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported. A robot file may state errors of its joints, such as backlash.
+
+    Returns
+    -------
+    Table
+        One row for each source of error, with the error of the joint in its display unit and the
+        resulting error of the tip in mm.
+    """
     rows = []
     for source in plan.tip_error.sources if plan.tip_error else ():
         joint = next(joint for joint in plan.robot.joints if joint.name == source.joint)
@@ -299,8 +349,18 @@ def tip_error_table(plan: "Plan") -> Table:
 def candidates_table(plan: "Plan") -> Table:
     """Build the table of the candidate motions of every phase.
 
-    The planner tries several ways to move in a phase. The columns contain the lower bound, the
-    estimate and the duration of such a candidate in s, and the outcome of the search.
+    The planner tries several kinds of motion for each phase. These are called candidates.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    Table
+        One row for each candidate, with the lower bound, the estimate and the result of its
+        duration in s, and the outcome of the search.
     """
     names = [phase.name for phase in plan.phases]
     rows = []
@@ -313,11 +373,10 @@ def candidates_table(plan: "Plan") -> Table:
 
 
 def explanation_lines(plan: "Plan") -> list[str]:
-    """Return the lines that `plan --explain` prints.
+    """Return the lines that explain which motions the planner has tried, for `plan --explain`.
 
-    They list the candidate motions of every phase, that is, the ways to move that the planner has
-    tried. If the planner has computed it, they also state how much time a further reversal of a
-    joint would save.
+    The lines list the candidate motions of every phase. For phases for which the planner has
+    computed it, they also state how much time a further reversal of a joint would save.
 
     Parameters
     ----------
@@ -345,6 +404,16 @@ def joints_table(plan: "Plan") -> Table:
 
     Several sets of joint positions reach the same tool pose. The table shows which of them the plan
     uses.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    Table
+        One row for each joint, with both positions in degrees or mm.
     """
     ends = plan.motion.sample(np.array([0.0, plan.motion.duration])).q
     rows = []
@@ -401,17 +470,22 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
 def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = False) -> list[str]:
     """Return the summary of a plan as lines of text.
 
-    The last lines are those of `answer_lines`. For a plan without a motion, the lines state the
-    reason instead.
+    The last lines state the duration, the result of the check, the closest limit and the verdict on
+    the motors. For a plan without a motion, the lines state the reason instead.
 
     Parameters
     ----------
     plan : Plan
         Plan that is reported.
     folder : Path, optional
-        Folder of the written results.
+        Folder of the written results. By default, the summary does not name the report.
     verbose : bool, optional
         If true, the summary also lists solvers, motors, joints, limits and unknown data.
+
+    Returns
+    -------
+    list of str
+        Lines of text.
     """
     if plan.trajectory is None:
         reason = plan.reason.message if plan.reason else plan.status
@@ -462,8 +536,14 @@ def answer_lines(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
         A plan with a trajectory.
     folder : Path, optional
         Folder of the written results. Without it, the line about the report is left out.
+
+    Yields
+    ------
+    str
+        Line of text.
     """
     proven = plan.path_bound or plan.lower_bound
+    # A lower bound is rounded down, so that it remains valid.
     bound = "–" if proven is None else f"{math.floor(1e4 * proven) / 1e4:.4f} s"
     meaning = f"no motion on this path is shorter than {bound}"
     if not plan.path_bound and any(motion.kind == Free.kind for motion in plan.problem.motion):
@@ -501,7 +581,16 @@ def closest_inactive_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
 
     The fastest motion always reaches some limits, which are called active. They are left out, as
     are limits on jumps, because they do not show how close the motion comes to the other limits.
-    The result is None if no other limit exists.
+
+    Parameters
+    ----------
+    limits : iterable of LimitCheck
+        Results of all limits in a certificate.
+
+    Returns
+    -------
+    LimitCheck or None
+        Result of the closest limit, or None if all limits are active.
     """
     slack = (
         limit for limit in limits if limit.margin > ACTIVE_MARGIN and limit.name not in JUMP_NAMES
@@ -510,9 +599,17 @@ def closest_inactive_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
 
 
 def rates_text(rates: Mapping[str, float]) -> str:
-    """Format rates of task coordinates (rad/s, m/s), for example as “tilt -10 deg/s”.
+    """Format rates of task coordinates, for example as “tilt -10 deg/s”.
 
-    Rates of 0 are left out.
+    Parameters
+    ----------
+    rates : mapping of str to float
+        Rates of roll, tilt and spin in rad/s, and of the depth in m/s. Rates of 0 are left out.
+
+    Returns
+    -------
+    str
+        Rates in display units, separated by commas.
     """
     texts = []
     for name, rate in rates.items():
@@ -523,9 +620,21 @@ def rates_text(rates: Mapping[str, float]) -> str:
 
 
 def solver_text(plan: "Plan") -> str:
-    """Name the solver of a plan, and the phases that only Ipopt could solve.
+    """Name the solver that computed a plan.
 
-    The planner solves a phase by its own structured solver, or by Ipopt if this fails.
+    The planner solves each phase of a motion by its own solver, which exploits the structure of the
+    problem. If this structured solver fails, the planner uses the general solver Ipopt.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    str
+        "structured", "Ipopt", or "structured; Ipopt in" with the names of the phases that Ipopt
+        solved.
     """
     by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
     if not by_ipopt:
@@ -536,15 +645,22 @@ def solver_text(plan: "Plan") -> str:
 
 
 def confirmation_texts(plan: "Plan") -> tuple[str, str]:
-    """Describe how the motions by Ipopt compare with those of the structured solver.
+    """Describe how the motions of Ipopt compare with those of the structured solver.
 
-    Numbers of iterations and exact differences are left out, because they depend on rounding.
+    The planner's own structured solver computes a motion. Ipopt, a general solver, then starts from
+    this motion and either confirms it or finds a shorter one.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
 
     Returns
     -------
     verb, agreement : str
-        The verb "confirms" or "shortens", and a text about the durations. Both are empty if only
-        one of the solvers was used.
+        The verb "confirms" or "shortens", and a text about the durations. It does not contain
+        numbers of iterations or exact differences, because these depend on rounding. Both are ""
+        if only one of the solvers was used.
     """
     if plan.confirmation is None:
         return "", ""
@@ -603,7 +719,7 @@ def range_lines(plan: "Plan") -> Iterator[str]:
 
 
 def path_lines(plan: "Plan") -> list[str]:
-    """Describe the rounded corners and the constant tip speeds of all phases, one per line.
+    """Describe the rounded corners and the constant tip speeds of all phases.
 
     A problem can request both for the path of the tip. The lines state by how much the tip deviates
     from the straight lines at a corner, and in which interval the tip speed is constant.
@@ -640,7 +756,15 @@ def path_lines(plan: "Plan") -> list[str]:
 def proof_text(plan: "Plan") -> str:
     """Return how many limits are proven at every instant, as an addition to "limits kept".
 
-    It is empty if the plan does not contain a proof.
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Returns
+    -------
+    str
+        Text that begins with a comma. It is "" if the plan does not contain a proof.
     """
     if not plan.proof or plan.certificate is None:
         return ""
@@ -654,7 +778,7 @@ def proof_table(proofs: Sequence["Proof"]) -> Table:
     """Build the table of the proven bounds of all limits, in SI units.
 
     A proof encloses the worst value of a limited quantity over the entire motion between two
-    bounds, the columns "worst from" and "to".
+    bounds, which are in the columns "worst from" and "to".
 
     Parameters
     ----------
@@ -685,6 +809,16 @@ def condition_lines(plan: "Plan") -> Iterator[str]:
     These are rounded corners, constant tip speeds, velocities of the task coordinates at the start
     and at the end, and ranges of friction and payload. The lines of `cross_check_lines` and one
     line for each violated limit follow.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Yields
+    ------
+    str
+        Line of text.
     """
     yield from path_lines(plan)
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
@@ -699,7 +833,7 @@ def condition_lines(plan: "Plan") -> Iterator[str]:
 
 
 def cross_check_lines(plan: "Plan") -> Iterator[str]:
-    """Yield lines on how the duration compares with toppra's duration and with the proven bound.
+    """Yield lines that compare the duration of a plan with independent results.
 
     toppra is an independent program that computes the shortest duration along a path, without the
     limits on continuous torque. Further lines state the tip error that stated joint errors cause,
@@ -727,8 +861,9 @@ def cross_check_lines(plan: "Plan") -> Iterator[str]:
         if any(x.name == ContinuousTorque.name and x.margin <= ACTIVE_MARGIN for x in limits):
             yield "             (toppra does not know the limit on continuous torque, which binds)"
     if plan.path_bound and plan.duration:
-        share = math.ceil(1e5 * (1 - plan.path_bound / plan.duration)) / 1e3
-        yield f"proven       no motion along this path is more than {share:.3f} % shorter"
+        # In per cent with three decimals, rounded up so that the statement remains true.
+        gap = math.ceil(1e5 * (1 - plan.path_bound / plan.duration)) / 1e3
+        yield f"proven       no motion along this path is more than {gap:.3f} % shorter"
     if plan.tip_error is not None and plan.tip_error.bound is not None:
         source = plan.tip_error.sources[0]
         bound = format_number(1e3 * plan.tip_error.bound, 3)
@@ -750,6 +885,16 @@ def solver_and_condition_lines(plan: "Plan") -> Iterator[str]:
 
     The structured solver of this package computes the motion. Ipopt, a general solver, then
     confirms it: it starts from this motion, and a line states how far its result differs.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
+    Yields
+    ------
+    str
+        Line of text.
     """
     if plan.problem.planner == "fast" and plan.phases:
         yield f"solver       {solver_text(plan)}"
@@ -765,7 +910,8 @@ def summarise_sizing(sizing: SizingObject) -> tuple[str, str, str]:
     Parameters
     ----------
     sizing : SizingObject
-        Object that `size --json` prints.
+        Sizing as JSON types, in the form that `size --json` prints. A sizing compares the torques
+        and speeds of a motion with the ratings of the motors and gears.
 
     Returns
     -------
@@ -847,6 +993,11 @@ def placeholder_values(sizing: SizingObject) -> Iterator[str]:
 def skipped_checks(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
     """Yield the checks that were skipped because data are missing.
 
+    Parameters
+    ----------
+    sizing : SizingObject
+        Sizing as JSON types, in the form that `size --json` prints.
+
     Yields
     ------
     joint, component, checks, data : str
@@ -869,7 +1020,18 @@ def skipped_checks(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
 
 
 def _open_checks(sizing: SizingObject) -> list[str]:
-    """Name the checks that are open for at least one joint. All checks of gears count as one."""
+    """Name the checks that are open for at least one joint.
+
+    Parameters
+    ----------
+    sizing : SizingObject
+        Sizing as JSON types, in the form that `size --json` prints.
+
+    Returns
+    -------
+    list of str
+        Names of checks of motors. All checks of gears are combined under the name "gear".
+    """
     gear_checks = _gear_checks(sizing)
     names: dict[str, None] = {}  # a set that keeps the order
     for component in sizing["motors"] + sizing["gears"]:
@@ -914,10 +1076,11 @@ def _gear_checks(sizing: SizingObject) -> set[str]:
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
-    """Return lines of text that report a sizing without its verdict, see `sizing_verdict_lines`.
+    """Return lines of text that report a sizing without its verdict.
 
-    They list checks that lack data, the torques and speeds that the motion requires, the parts of
-    the peak torque, the margins of all motors and those of all gears.
+    The lines list checks that lack data, the torques and speeds that the motion requires, the parts
+    of the peak torque, the margins of all motors and those of all gears. `sizing_verdict_lines`
+    states the verdict.
 
     Parameters
     ----------
@@ -956,6 +1119,11 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> Iterator[str]:
         Largest payload with which the motors suffice, kg.
     duration : WhatIf
         Shortest duration with which the motors suffice, as a multiple of the present one.
+
+    Yields
+    ------
+    str
+        Line of text.
     """
     for question, answer, form in (
         ("largest payload", payload, "{:.4g} kg"),
@@ -1044,17 +1212,27 @@ def _requirements_table(sizing: Sizing) -> Table:
             rms += f" (≤ {_format_in_milli(joint.band.high('rms_torque', confidence))})"
         row = [requirement.joint, peak, rms, _format_in_milli(requirement.mean_torque)]
         powers = requirement.peak_power, requirement.mean_power
-        figures = RPM * requirement.peak_speed, requirement.peak_acceleration, *powers
-        row += [format_number(figure, 4) for figure in figures]
+        values = RPM * requirement.peak_speed, requirement.peak_acceleration, *powers
+        row += [format_number(value, 4) for value in values]
         rows.append(row + [format_number(requirement.joule_power)])
     return Table(head, rows, range(1, 9))
 
 
 def _torque_parts_table(sizing: Sizing) -> Table:
-    """Build the table of the parts of the peak torque, mN·m.
+    """Build the table of the parts of each motor's peak torque.
 
     A part is the contribution of one cause, such as friction. It has a positive sign if it
     increases the magnitude of the torque.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Requirements of the motion.
+
+    Returns
+    -------
+    Table
+        One row for each joint and one column for each part, in mN·m.
     """
     rows = []
     for joint in sizing.joints:
@@ -1071,11 +1249,6 @@ def _torque_parts_table(sizing: Sizing) -> Table:
 def _candidate_lines(sizing: Sizing) -> list[str]:
     """Return the table of all judged motors with the margins of their checks, as lines.
 
-    The column "adequate" states whether the motor suffices, and "binds" names the check that
-    decides. The smallest margin of the gear and the largest temperature of the winding are added. A
-    name that begins with "or" marks an alternative, which the robot file lists in addition to its
-    motor. A star marks a motor whose file contains assumed values.
-
     Parameters
     ----------
     sizing : Sizing
@@ -1084,7 +1257,11 @@ def _candidate_lines(sizing: Sizing) -> list[str]:
     Returns
     -------
     list of str
-        Lines of the table.
+        Lines of the table. The column "adequate" states whether the motor suffices, and "binds"
+        names the check that decides. The last columns contain the smallest margin of the gear and
+        the largest temperature of the winding. A name that begins with "or" marks an alternative
+        that the robot file lists in addition to its motor. A star marks a motor whose file contains
+        assumed values.
     """
     head = ["joint", "motor", "adequate", "binds"]
     head += [plain_words(name) for name in MOTOR_MARGINS]
@@ -1117,7 +1294,15 @@ def _winding_temperature(verdict: MotorVerdict) -> str:
 def _gears_table(sizing: Sizing) -> Table:
     """Build the table of the gears of all joints with the margins of their checks.
 
-    Checks without a margin, because data are missing, are left out.
+    Parameters
+    ----------
+    sizing : Sizing
+        Checks of the gears.
+
+    Returns
+    -------
+    Table
+        One row for each joint. It omits checks that have no margin because data are missing.
     """
     rows = []
     for joint in sizing.joints:
@@ -1133,7 +1318,18 @@ def _gears_table(sizing: Sizing) -> Table:
 
 
 def _motor_notes(sizing: Sizing) -> Iterator[str]:
-    """Yield the notes of all judged motors, and the times until their windings are too hot."""
+    """Yield the notes of all judged motors, and the times until their windings are too hot.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Checks of the motors.
+
+    Yields
+    ------
+    str
+        Line of text. Equal notes of several motors appear once.
+    """
     notes: dict[str, None] = {}  # a set that keeps the order
     for verdict in sizing.verdicts + sizing.alternatives:
         heat = verdict.heat
@@ -1149,7 +1345,15 @@ def _motor_notes(sizing: Sizing) -> Iterator[str]:
 def sizing_verdict_lines(sizing: Sizing) -> list[str]:
     """Return lines that state the verdict for each joint, and for all motors together.
 
-    If the verdict is open, the last lines state the reason.
+    Parameters
+    ----------
+    sizing : Sizing
+        Checks of the motors and gears.
+
+    Returns
+    -------
+    list of str
+        Lines of text. If the verdict is open, the last lines state the reason.
     """
     lines = ["", "Verdicts"]
     for joint in sizing.joints:
@@ -1173,7 +1377,12 @@ def _joint_verdict_text(joint: JointSizing, confidence: float) -> str:
     joint : JointSizing
         Sizing of the joint.
     confidence : float
-        Probability with which the smallest suitable motor suffices.
+        Probability with which the smallest suitable motor suffices, from 0 to 1.
+
+    Returns
+    -------
+    str
+        Text such as "no motor given".
     """
     smallest = joint.smallest
     if smallest is not None:

@@ -41,7 +41,10 @@ LINK_RADIUS, TOOL_TAIL_LENGTH = 0.026, 0.030
 PROJECTION = (rotation([1, 0, 0], np.radians(20.0)) @ rotation([0, 0, 1], np.radians(-28.0)))[
     [0, 2]
 ]
-"""Matrix (2, 3) with orthonormal rows that projects base coordinates onto the picture."""
+"""Matrix (2, 3) with orthonormal rows that projects base coordinates onto the picture.
+
+The view is turned by −28° about z, and then tilted by 20° about x. Its x- and z-axes are kept.
+"""
 JOINT_MARKER = {"linewidth": 5.0, "marker": "o", "markevery": [0], "markersize": 7, "mfc": "white"}
 """Style of a line with a circle at its first point, which marks a joint."""
 LINE_STYLES: tuple[Keywords, ...] = (
@@ -92,6 +95,7 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
     plan, path = as_plan(plan), Path(path)
     pictures = list(_film_frames(plan, max(speed, plan.motion.duration / MAX_FILM_DURATION)))
     with BytesIO() as file:
+        # Duration of each picture in ms. The last picture is shown for one second.
         times = [round(1000 / FRAME_RATE)] * (len(pictures) - 1) + [1000]
         pictures[0].save(
             file, "GIF", save_all=True, append_images=pictures[1:], duration=times, loop=0
@@ -170,7 +174,7 @@ def project_mechanism(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     robot : Robot
         Robot that performs the motion.
     q : (n, 4) array
-        Joint positions, rad and m.
+        Positions of joints 1 to 3 in rad, and of joint 4 in m.
 
     Returns
     -------
@@ -197,7 +201,7 @@ def project_mechanism(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
 
 
 def mechanism_still(plan: Plan) -> JsonObject:
-    """Return the lines of the mechanism at the start, halfway and at the end of a motion.
+    """Return a line drawing of the mechanism at the start, halfway and at the end of a motion.
 
     Parameters
     ----------
@@ -207,9 +211,9 @@ def mechanism_still(plan: Plan) -> JsonObject:
     Returns
     -------
     dict
-        Coordinates for an SVG in mm. `reach` is half the width of the picture, `instants` contains
-        the time in s and the lines of each instant, and `eye` contains the centre and the radius of
-        the retina, or is None.
+        Coordinates for an SVG in mm. `reach` is half the width of the picture. `instants` contains
+        the time in s and the lines of each instant. `eye` contains the two coordinates of the
+        centre of the retina and its radius, or is None.
     """
     t = plan.motion.duration * np.array([0.0, 0.5, 1.0])
     eye = plan.limits.eye
@@ -220,6 +224,7 @@ def mechanism_still(plan: Plan) -> JsonObject:
     if eye is not None:
         circle = np.append(to_svg * (PROJECTION @ eye.centre), 1e3 * eye.radius).tolist()
     return {
+        # A margin of 5 % keeps the lines inside the picture.
         "reach": 1.05 * max(np.abs(line).max() for line in lines),
         "instants": [(time, [line[k] for line in lines]) for k, time in enumerate(t.tolist())],
         "eye": circle,
@@ -251,6 +256,7 @@ def _film_frames(plan: Plan, speed: float) -> Iterator[Image]:
     count = max(2, round(FRAME_RATE * motion.duration / speed) + 1)
     t = np.linspace(0.0, motion.duration, count)
     lines = project_mechanism(plan.robot, motion.sample(motion.breaks[0] + t).q)
+    # The extent of each box determines what a plot shows: the arm, and the eye.
     boxes = [np.concatenate([line.reshape(-1, 2) for line in lines])]
     if eye is not None:
         boxes.append(PROJECTION @ eye.centre + eye.radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
@@ -261,7 +267,7 @@ def _film_frames(plan: Plan, speed: float) -> Iterator[Image]:
     moving: list[tuple[Any, Any, Array]] = []
     for axes, box in zip(panels[0], boxes, strict=True):
         x, y = (box.min(axis=0) + box.max(axis=0)) / 2
-        half = 0.54 * np.ptp(box, axis=0).max()
+        half = 0.54 * np.ptp(box, axis=0).max()  # half the extent, and a margin of 8 %
         axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
         axes.set_axis_off()
         if eye is not None:
@@ -309,11 +315,12 @@ def _draw_eye(axes: Axes, eye: Eye) -> None:
         axes.add_patch(Circle((x, y), radius, facecolor="#f6d9cf", edgecolor="#c98a76", ls=style))
     axes.annotate("retina", (x, y - eye.radius), **LABEL_STYLE)
     if eye.lens is not None:
-        # An ellipsoid appears as the ellipse of the projected semi-axes.
-        half = PROJECTION @ (eye.lens.frame * eye.lens.semi_axes)
-        values, vectors = np.linalg.eigh(half @ half.T)
+        # With the projected semi-axes as the columns of a matrix A, an ellipsoid appears as the
+        # ellipse whose squared semi-axes are the eigenvalues of A Aᵀ.
+        projected_axes = PROJECTION @ (eye.lens.frame * eye.lens.semi_axes)
+        squared_axes, directions = np.linalg.eigh(projected_axes @ projected_axes.T)
         angles = np.linspace(0.0, 2 * np.pi, 90)
-        circle = np.sqrt(values) * np.column_stack([np.cos(angles), np.sin(angles)])
+        ellipse = np.sqrt(squared_axes) * np.column_stack([np.cos(angles), np.sin(angles)])
         middle = PROJECTION @ eye.lens.centre
-        axes.add_patch(Polygon(middle + circle @ vectors.T, color="#8fb8de"))
+        axes.add_patch(Polygon(middle + ellipse @ directions.T, color="#8fb8de"))
         axes.annotate("lens", tuple(middle), **LABEL_STYLE)

@@ -73,6 +73,11 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = DEFAULT_W
         Robot that performs the motion.
     width : float
         Width of the figure, inches.
+
+    Returns
+    -------
+    Figure
+        Figure with six plots.
     """
     t = np.linspace(0.0, trajectory.duration, SAMPLE_COUNT)
     samples = trajectory.sample(t)
@@ -145,6 +150,7 @@ def _draw_limit(axes: "Axes", ends: Range, values: Array) -> None:
     values : (n,) array
         Values of the curve.
     """
+    # The curve of a resting joint has no range. It counts as 2 % of the limit.
     curve_range = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
     distance = MAX_LIMIT_DISTANCE * curve_range
     for end in ends:
@@ -173,11 +179,18 @@ def motors_figure(
         Required torques and speeds, one for each driven joint.
     width : float
         Width of the figure, inches.
+
+    Returns
+    -------
+    Figure
+        Figure with two plots for each driven joint.
     """
     is_narrow = width < MIN_TWO_COLUMN_WIDTH
     columns = 1 if is_narrow else 2
     rows = len(requirements) * 2 // columns
     top_edge, gap = (0.6, 0.75) if width < MIN_FIVE_ENTRY_WIDTH else (0.45, 0.6)
+    # Number of letters in a line of a title. An inch has 72 points, and the labels of the vertical
+    # axis take the space of eight letters.
     letters = int(width / columns * 72 / (LETTER_WIDTH * FONT_SIZE)) - 8
     figure, panels = new_panels(
         width,
@@ -219,10 +232,21 @@ PLAN_FIGURES: "dict[str, Callable[..., Figure]]" = {
 
 
 def write_simulation_figures(result: "SimulationResult", folder: Path) -> Files:
-    """Write the figures of a simulation as PNG and PDF, and return their paths by name.
+    """Write the figures of a simulation as PNG and PDF.
 
-    The figures are "playback" (`playback_figure`) and, if the simulation contains several power
-    losses, "power_loss" (`power_loss_figure`).
+    The figures are "playback" and, if the simulation contains several power losses, "power_loss".
+
+    Parameters
+    ----------
+    result : SimulationResult
+        Result of the simulation.
+    folder : Path
+        Folder of the files.
+
+    Returns
+    -------
+    Files
+        Paths by name, such as "playback_figure" for a PNG and "playback_pdf" for a PDF.
 
     Raises
     ------

@@ -69,7 +69,18 @@ class FigureProcess:
         self._questions = 0
 
     def judge(self, trajectory: "Trajectory", problem: "Problem") -> None:
-        """Request second opinions and proofs for a motion, and return immediately."""
+        """Request second opinions and proofs for a motion, and return immediately.
+
+        A second opinion is the duration that the independent program toppra obtains. A proof bounds
+        the worst value of a limited quantity over the entire motion.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Motion that is judged.
+        problem : Problem
+            Problem that the motion solves, with its robot and its limits.
+        """
         self._questions += 1
         self.draw(JUDGEMENT_REQUEST, trajectory, problem)
 
@@ -96,8 +107,8 @@ class FigureProcess:
         Parameters
         ----------
         name : str
-            Key of `PLAN_FIGURES`, or `JUDGEMENT_REQUEST`. A new request for the same figure
-            replaces the earlier one.
+            "motion" or "motors" for a figure, or `JUDGEMENT_REQUEST`. A new request for the same
+            figure replaces the earlier one.
         *arguments
             Arguments of the function that draws the figure.
         """
@@ -218,7 +229,7 @@ def write_figures(plan: "Plan", folder: Path, drawer: FigureProcess | None = Non
     Returns
     -------
     Files
-        Paths by name, see `save_rendered`.
+        Paths by name, such as "motion_figure" for a PNG and "motion_pdf" for a PDF.
 
     Raises
     ------
@@ -254,7 +265,7 @@ def write_figures_of_file(plan: "Plan", folder: Path, width: float = DEFAULT_WID
     Returns
     -------
     Files
-        Paths by name, see `save_rendered`.
+        Paths by name, such as "motion_figure" for a PNG and "motion_pdf" for a PDF.
 
     Raises
     ------

@@ -44,11 +44,23 @@ PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
 
 
 def write_sizing_figures(sizing: "Sizing", folder: Path) -> Files:
-    """Write the figures of a sizing as PNG and PDF, and return their paths by name.
+    """Write the figures of a sizing as PNG and PDF.
 
     A sizing states the torques and speeds that a motion requires of the motors. The figures are
-    payload_curves, torque_split and, if motors are judged, operating_regions. Nothing is written if
-    the sizing contains no joint.
+    payload_curves, torque_split and, if motors are judged, operating_regions.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Requirements of the motion, and verdicts on the motors.
+    folder : Path
+        Folder of the files.
+
+    Returns
+    -------
+    Files
+        Paths by name, such as "torque_split_figure" for a PNG and "torque_split_pdf" for a PDF. It
+        is empty if the sizing contains no joint.
 
     Raises
     ------
@@ -189,20 +201,21 @@ def _draw_operating_region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizin
     speeds = RPM * np.abs(verdict.load.speed())
     for run in _runs_of_direction(verdict.load.direction):
         axes.plot(speeds[run], torque[run], color=COLOURS[i], linewidth=1.0)
-    # The area of a circle is the time that the motion spends near it.
+    # Fraction of the duration that each instant represents, without rest.
     moving_time = verdict.load.weight * (verdict.load.direction != 0)
 
     def sum_over_cells(weights: Array) -> Array:
         """Divide the plane into 8 × 8 cells, and sum the weights (n,) of the instants in each."""
         return np.histogram2d(speeds, torque, bins=8, weights=weights)[0]
 
-    time_share = sum_over_cells(moving_time)
-    is_used = time_share > 0
-    shares = time_share[is_used]
+    cell_times = sum_over_cells(moving_time)
+    is_used = cell_times > 0
+    times = cell_times[is_used]
+    # A circle lies at the mean speed and torque in its cell. Its area is proportional to the time.
     axes.scatter(
-        sum_over_cells(moving_time * speeds)[is_used] / shares,
-        sum_over_cells(moving_time * torque)[is_used] / shares,
-        s=1500.0 * shares,
+        sum_over_cells(moving_time * speeds)[is_used] / times,
+        sum_over_cells(moving_time * torque)[is_used] / times,
+        s=1500.0 * times,
         color=COLOURS[i],
         alpha=0.35,
         linewidths=0,
@@ -217,6 +230,8 @@ def _draw_operating_region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizin
         linewidth=1.0,
         label="RMS of the motion",
     )
+    # Show the motion and the continuous region, and at most three times as much of a large
+    # short-term region.
     top = 1.15 * max(torque.max(), 1e3 * (continuous_limit or 0.0), 1e-9)
     axes.set_ylim(0.0, max(top, min(1.05 * peak_limit.max(), 3 * top)))
     axes.set_xlim(0.0, min(1.05 * RPM * motor.max_speed, 3 * float(speeds.max())))
@@ -259,14 +274,19 @@ def _draw_torque_curve(axes: "Axes", joint: "JointSizing", confidence: float) ->
 
 
 def _runs_of_direction(direction: Array) -> list[Indices]:
-    """Return the indices of each run of instants with the same direction ±1.
+    """Return the indices of successive instants during which a joint moves in one direction.
 
-    A curve is drawn run by run, so that no line connects both directions.
+    A curve is drawn separately for each of these runs, so that no line connects both directions.
 
     Parameters
     ----------
     direction : (n,) array
         Direction of the joint at each instant, +1, −1 or 0.
+
+    Returns
+    -------
+    list of arrays of int
+        Indices of each run. Instants at rest are left out.
     """
     changes = np.flatnonzero(np.diff(direction) != 0) + 1
     runs = np.split(np.arange(len(direction)), changes)
@@ -339,7 +359,7 @@ def _draw_bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels
     w : (n,) array
         Motor speeds, rad/s.
     load : float
-        Load effort, N·m or N.
+        Constant effort of the load on the drive, N·m or N.
     with_labels : bool
         Add the bands to the legend.
     """
@@ -354,8 +374,10 @@ def _draw_bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels
     friction = required_friction(drive)
     if friction.posterior is None:
         return
+    # The mean torque of a recording does not contain the ripple, which depends on the direction.
     without_ripple = replace(friction.posterior, forwards=None, backwards=None)
     smooth = replace(drive, friction=replace(friction, posterior=without_ripple))
+    # The points of the map form a fictitious recording without accelerations.
     motion = RecordedMotion(np.arange(len(w), dtype=float), w, np.zeros(len(w)), np.sign(w), ())
     tau = map_torque(drive, w, load) + law_correction(drive, motion, load)
     for variant, alpha, content in ((drive, 0.18, "samples"), (smooth, 0.35, "means")):

@@ -71,6 +71,11 @@ def new_figure(width: float, height: float) -> "Figure":
     ----------
     width, height : float
         Size of the figure, inches.
+
+    Returns
+    -------
+    Figure
+        Figure without plots.
     """
     figure = _empty_figure(width, height)
     figure.set_layout_engine("constrained")
@@ -112,21 +117,22 @@ def new_panels(
     """
     figure = _empty_figure(width, height)
     left_edge, right_edge, bottom_edge, top_edge = edges
-    across = (width - left_edge - right_edge - (columns - 1) * gaps[0]) / columns
-    down = (height - bottom_edge - top_edge - (rows - 1) * gaps[1]) / rows
+    panel_width = (width - left_edge - right_edge - (columns - 1) * gaps[0]) / columns
+    panel_height = (height - bottom_edge - top_edge - (rows - 1) * gaps[1]) / rows
+    # Matplotlib states edges relative to the figure, and gaps relative to a plot.
     figure.subplots_adjust(
         left=left_edge / width,
         right=1 - right_edge / width,
         bottom=bottom_edge / height,
         top=1 - top_edge / height,
-        wspace=gaps[0] / across,
-        hspace=gaps[1] / down,
+        wspace=gaps[0] / panel_width,
+        hspace=gaps[1] / panel_height,
     )
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def _empty_figure(width: float, height: float) -> "Figure":
-    """Create a figure with a canvas for PNG files."""
+    """Create a figure with a given width and height in inches, and with a canvas for PNG files."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -161,8 +167,8 @@ def render_figure(
 ) -> dict[str, bytes]:
     """Render a figure as the content of its files.
 
-    Equal figures give equal bytes. PDF files embed TrueType fonts. The function calls the canvases
-    directly, because Figure.savefig draws everything twice.
+    Equal figures give equal bytes. PDF files embed TrueType fonts (type 42). The function calls the
+    canvases directly, because Figure.savefig draws everything twice.
 
     Parameters
     ----------
@@ -212,7 +218,8 @@ def save_figure(
     Returns
     -------
     Files
-        Paths by name, see `save_rendered`.
+        Paths by name: `<name>_figure` for the PNG file, and `<name>_pdf` for the PDF file, where
+        `<name>` is the last part of `path`.
 
     Raises
     ------
@@ -227,7 +234,24 @@ def save_figures(
 ) -> Files:
     """Write each figure as PNG and PDF into a folder, under its name.
 
-    Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
+    Parameters
+    ----------
+    figures : mapping of str to Figure
+        Figures by name.
+    folder : Path
+        Folder of the files.
+    subject : str, optional
+        Text that identifies the content, such as the hash of a plan.
+
+    Returns
+    -------
+    Files
+        Paths by name: `<name>_figure` for a PNG file, and `<name>_pdf` for a PDF file.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     paths: Files = {}
     for name, figure in figures.items():
@@ -277,6 +301,11 @@ def png_with_text(png: bytes, key: str, text: str) -> bytes:
         Content of the PNG file.
     key, text : str
         Keyword and text of the chunk (PNG specification, tEXt).
+
+    Returns
+    -------
+    bytes
+        Content of the changed PNG file.
     """
     chunk = _png_chunk(b"tEXt", key.encode("ascii") + b"\0" + text.encode("latin-1"))
     return png[:PNG_HEADER_SIZE] + chunk + png[PNG_HEADER_SIZE:]
@@ -309,7 +338,7 @@ def _render_png(figure: "Figure") -> bytes:
     rows = np.zeros((height, width + 1), np.uint8)  # Each row begins with 0: no filter.
     rows[:, 1:] = np.asarray(image)
     header = struct.pack(">2I", width, height) + bytes((8, 3, 0, 0, 0))  # 8 bits with a palette.
-    per_metre = round(figure.dpi / 0.0254)
+    per_metre = round(figure.dpi / 0.0254)  # pixels per metre; an inch has 0.0254 m
     chunks = (
         _png_chunk(b"IHDR", header),
         _png_chunk(b"pHYs", struct.pack(">2IB", per_metre, per_metre, 1)),
@@ -332,7 +361,7 @@ def draw_legend(axes: "Axes", fontsize: float = FONT_SIZE - 1, **options: Any) -
 
 
 def draw_zero_lines(axes: "Axes", down: bool = False) -> None:
-    """Draw a horizontal line at zero and, if `down` is true, a vertical line as well."""
+    """Draw a horizontal line at zero in a plot and, if `down` is true, a vertical line as well."""
     axes.axhline(0.0, **ZERO_LINE_STYLE)
     if down:
         axes.axvline(0.0, **ZERO_LINE_STYLE)
@@ -362,15 +391,16 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
         if k % 2:
             axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
         if with_names:
-            letters = int(
-                72 * inches_per_second * (phase.end - phase.start) / (LETTER_WIDTH * size)
-            )
+            # An inch has 72 points, and a letter is LETTER_WIDTH times the font size wide.
+            points = 72 * inches_per_second * (phase.end - phase.start)
+            letters = int(points / (LETTER_WIDTH * size))
             middle = (phase.start + phase.end) / 2
+            # The vertical position is relative to the plot, whose upper edge is at 1.
             axes.text(middle, 1.02, fit_phase_name(phase.name, letters), **style)
 
 
 def fit_phase_name(name: str, letters: int) -> str:
-    """Return the longest form of a phase's name that has at most `letters` letters.
+    """Return the longest form of a phase's name that has at most `letters` characters.
 
     For example, the forms of "ring, spot 12" are "ring, spot 12", "spot 12", "12" and "".
     """

@@ -42,7 +42,18 @@ CENTRED_TEXT: Keywords = {"ha": "center", "va": "center", "fontsize": FONT_SIZE}
 
 
 def workspace_figures(mechanism: Mechanism) -> "dict[str, Figure]":
-    """Draw all figures of a mechanism, and return them by file name."""
+    """Draw all figures of a mechanism.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Kinematics of the robot.
+
+    Returns
+    -------
+    dict of Figure
+        Figures by file name: "axes", "reachable_set", "theta2_against_tilt" and "joint_speeds".
+    """
     return {
         "axes": axes_figure(mechanism),
         "reachable_set": reachable_set_figure(mechanism),
@@ -111,11 +122,11 @@ def axes_figure(mechanism: Mechanism) -> "Figure":
     for i, j, radius, name in angles:
         arc = radius * great_circle_arc(directions[i], directions[j])
         axes.plot(*arc.T, color="black", linewidth=1.0)
-        beside = arc[len(arc) // 2] * (1 + 0.08 / radius)
-        axes.text(*beside, name, ha="left", **label)
+        label_position = arc[len(arc) // 2] * (1 + 0.08 / radius)
+        axes.text(*label_position, name, ha="left", **label)
     axes.plot([0.0], [0.0], [0.0], "o", color="black", markersize=6)
-    below = -0.1 * mechanism.omega1 - 0.08 * mechanism.omega3
-    axes.text(*below, "RCM, port", ha="right", **label)
+    label_position = -0.1 * mechanism.omega1 - 0.08 * mechanism.omega3
+    axes.text(*label_position, "RCM, port", ha="right", **label)
     inwards = mechanism.insertion_sign * mechanism.omega3
     arrow = np.append(np.zeros(3), 0.35 * inwards)
     axes.quiver(*arrow, color=COLOURS[3], linewidth=1.3, arrow_length_ratio=0.25)
@@ -134,9 +145,9 @@ def axes_figure(mechanism: Mechanism) -> "Figure":
 def great_circle_arc(start: Array, end: Array) -> Array:
     """Interpolate along the shortest arcs between unit vectors.
 
-    At the position s from 0 to 1, the weights of both ends are sin((1 − s) θ)/sin θ and
-    sin(s θ)/sin θ, where θ is the angle between them (K. Shoemake, Animating rotation with
-    quaternion curves, SIGGRAPH 1985).
+    With the fraction s of an arc, from 0 to 1, the weights of its start and its end are
+    sin((1 − s) θ)/sin θ and sin(s θ)/sin θ, where θ is the angle between both ends (K. Shoemake,
+    Animating rotation with quaternion curves, SIGGRAPH 1985).
 
     Parameters
     ----------
@@ -156,7 +167,18 @@ def great_circle_arc(start: Array, end: Array) -> Array:
 
 
 def reachable_set_figure(mechanism: Mechanism) -> "Figure":
-    """Draw the directions that the tool axis reaches, on a sphere and in a section through ω1."""
+    """Draw the directions that the tool axis reaches, on a sphere and in a section through axis 1.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Kinematics of the robot.
+
+    Returns
+    -------
+    Figure
+        Figure with the sphere on the left and the section on the right.
+    """
     figure = new_figure(9.0, 4.4)
     sphere = figure.add_subplot(1, 2, 1, projection="3d")
     _draw_sphere(sphere, mechanism)
@@ -396,17 +418,20 @@ def tool_directions(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array
     (3, ...) array
         Unit vectors.
     """
+    # Spherical coordinates about the axis ω1. The columns of `mechanism.frame` are its axes.
     tilt = np.broadcast_to(np.asarray(tilt, dtype=float), roll.shape)
     points = np.stack((np.cos(tilt), np.sin(tilt) * np.sin(roll), -np.sin(tilt) * np.cos(roll)))
     return np.tensordot(mechanism.frame, points, axes=1)
 
 
 def _dense_tilts(mechanism: Mechanism) -> Array:
-    """Return tilts (721,) in the tilt range, rad. They are denser towards its ends.
+    """Return tilt angles (721,) over the tilt range in rad, which are denser towards its ends.
 
-    The curves are steep at the ends of the range, where both branches meet.
+    Curves over the tilt are steep at the ends of the range, where both branches of the inverse
+    kinematics meet.
     """
     low, high = tilt_interval(mechanism)
+    # These are Chebyshev points: the cosines of equidistant angles.
     return (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.linspace(0.0, np.pi, 721))
 
 

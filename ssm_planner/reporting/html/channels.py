@@ -78,8 +78,9 @@ def sample_channels(plan: Plan, t: Array) -> Arrays:
         a name is an index from 0. "q", "qd", "qdd" and "qddd" with the index of a joint are its
         position, velocity, acceleration and jerk, "w" and "tau" the speed and the torque of its
         motor, and "winding" and "housing" the temperatures of its motor. "split0_load" is the
-        component "load" of the motor torque of joint 0. "t" contains the instants. `_tool_channels`
-        states the names of the quantities of the tool.
+        component "load" of the motor torque of joint 0. "t" contains the instants. "task0" to
+        "task3" are roll, tilt, spin and depth, and "tip0" to "tip2" the coordinates of the tip.
+        Further names denote limited rates, tool speeds and clearances.
     """
     trajectory = plan.motion
     samples = trajectory.sample(trajectory.breaks[0] + np.minimum(t, trajectory.duration))
@@ -94,9 +95,10 @@ def sample_channels(plan: Plan, t: Array) -> Arrays:
     for load in loads:
         i = JOINTS.index(load.joint)
         following = np.searchsorted(load.t - load.t[0], t, "right")
-        # Only the instants beside those of the page matter. A long motion has many more.
-        beside = np.clip([following - 1, following], 0, len(load.t) - 1)
-        selected = load.subset(np.unique(beside))
+        # The interpolation uses only the instants just before and just after those of the page. A
+        # long motion has many more.
+        used = np.clip([following - 1, following], 0, len(load.t) - 1)
+        selected = load.subset(np.unique(used))
         curves = {f"w{i}": selected.speed(), f"tau{i}": selected.torque()}
         for name, torque in torque_split(selected).components():
             curves[f"split{i}_{name}"] = torque
@@ -157,7 +159,7 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
         `EYE_CHANNELS`.
     """
     task = task_from_joints(mechanism, samples.q)
-    for column in (0, 2):
+    for column in (0, 2):  # Roll and spin may jump by a whole turn.
         task[:, column] = np.unwrap(task[:, column])
     rates = task_rates(mechanism, samples.q, samples.qd)
     tip = tip_position(mechanism, samples.q)
@@ -201,7 +203,7 @@ def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) ->
     for load in loads:
         if load.motor is None or missing_data(load.motor, *THERMAL_DATA):
             continue
-        # About MOST_INSTANTS of the many instants of a long motion determine the temperatures.
+        # Temperatures change slowly, so a selection of about MOST_INSTANTS instants suffices.
         end = len(load.t) - 1
         step = math.ceil(len(load.t) / MOST_INSTANTS)
         selected = load.subset(np.append(np.arange(0, end, step), end))

@@ -47,7 +47,18 @@ def write_comparison(plan_a: Plan, plan_b: Plan, path: Path) -> Path:
 
 
 def comparison_page(plan_a: Plan, plan_b: Plan) -> str:
-    """Return the comparison of two plans as an HTML document."""
+    """Render the comparison of two plans as an HTML document.
+
+    Parameters
+    ----------
+    plan_a, plan_b : Plan
+        Plans with trajectories.
+
+    Returns
+    -------
+    str
+        Text of the page.
+    """
     plans = plan_a, plan_b
     return render_page(
         "compare.html",
@@ -100,31 +111,46 @@ def comparison_data(plans: Sequence[Plan]) -> JsonObject:
 def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
     """Yield one plot description (panel) for each motor, with the margin of its torque and speed.
 
-    The margin is 1 − max(|τ|/τ_max, |w|/w_max) with the motor torque τ, the motor speed w and their
-    limits.
+    The margin is 1 − max(|τ|/τ_max, |w|/w_max), where τ is the motor torque, w is the motor speed,
+    and τ_max and w_max are their limits.
 
     Parameters
     ----------
     plan : Plan
         Plan that is shown.
     samples : dict of (n,) arrays
-        Sampled quantities of the plan. The margins are added as channels `margin<joint index>`.
+        Sampled quantities of the plan by name. The function adds the margins under the names
+        "margin0" for joint 0, and so on.
+
+    Yields
+    ------
+    Panel
+        Description of a plot in per cent.
     """
     for i, joint in enumerate(plan.robot.joints):
         if joint.motor is not None and f"tau{i}" in samples:
-            use = abs(samples[f"tau{i}"]) / joint.motor.max_torque
-            use = np.maximum(use, abs(samples[f"w{i}"]) / joint.motor.max_speed)
-            samples[f"margin{i}"] = 1 - use
+            torque_ratio = abs(samples[f"tau{i}"]) / joint.motor.max_torque
+            speed_ratio = abs(samples[f"w{i}"]) / joint.motor.max_speed
+            samples[f"margin{i}"] = 1 - np.maximum(torque_ratio, speed_ratio)
             series = [(f"margin{i}", joint.name, i)]
             panel = new_panel("Motors", f"Margin of torque and speed: {joint.name}", "%", series)
             yield panel | {"scale": 100.0}
 
 
 def _durations_table(plans: tuple[Plan, Plan]) -> Table:
-    """Build the table of the durations of both plans, their lower bounds and the gap between them.
+    """Build the table of the durations of two plans and of their lower bounds.
 
-    A row contains the values of plans A and B and the change from A to B. The gap is the excess of
-    the duration over its lower bound.
+    Parameters
+    ----------
+    plans : (Plan, Plan)
+        Plans A and B.
+
+    Returns
+    -------
+    Table
+        Rows for the duration, its lower bound, the duration of the independent program toppra, and
+        the excess of the duration over its lower bound. Each row contains the values of plans A and
+        B and the change from A to B.
     """
     a, b = plans
     gaps = [None if plan.gap is None else 100 * plan.gap for plan in plans]
@@ -140,14 +166,18 @@ def _durations_table(plans: tuple[Plan, Plan]) -> Table:
 def _limits_table(certificate_a: Certificate | None, certificate_b: Certificate | None) -> Table:
     """Build the table of the margins in both certificates, smallest margin first.
 
-    A margin is the smallest distance of the motion from a limit, relative to the limit. A row
-    contains the margins of plans A and B and the difference B − A. A limit that only one plan has
-    is listed as well.
+    A margin is the smallest distance of the motion from a limit, relative to the limit.
 
     Parameters
     ----------
     certificate_a, certificate_b : Certificate or None
-        Certificates of both plans, or None for a plan without one.
+        Certificates of plans A and B, or None for a plan without one.
+
+    Returns
+    -------
+    Table
+        One row for each limit of at least one plan, with the margins of plans A and B and the
+        difference B − A.
     """
     margins_a = _margins(certificate_a)
     margins_b = _margins(certificate_b)
@@ -178,10 +208,18 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
 
 
 def _motors_table(plans: tuple[Plan, Plan]) -> Table:
-    """Build the table of the required torques and speeds of the motors in both plans.
+    """Build the table of the torques and speeds that two plans require of the motors.
 
-    The table has three rows for each joint: peak torque and RMS torque in mN·m, and peak speed in
-    rpm. A row contains the values of plans A and B and the change from A to B in per cent.
+    Parameters
+    ----------
+    plans : (Plan, Plan)
+        Plans A and B.
+
+    Returns
+    -------
+    Table
+        Three rows for each joint: peak torque and RMS torque in mN·m, and peak speed in rpm. Each
+        row contains the values of plans A and B and the change from A to B in per cent.
     """
     requirements_a, requirements_b = (
         {item.joint: item.to_dict() for item in plan.requirements} for plan in plans
@@ -211,7 +249,12 @@ def _pair_cells(a: float | None, b: float | None, relative: bool = True) -> tupl
     a, b : float or None
         The values. None if a plan does not have the value.
     relative : bool
-        If true, the change is given in per cent of A, otherwise as a difference.
+        If true, the change is given in per cent of A, otherwise as the difference B − A.
+
+    Returns
+    -------
+    tuple of three str
+        Cells for A, B and the change. The change is empty if a value is missing.
     """
     change = MISSING_VALUE
     if a is not None and b is not None and (a or not relative):
@@ -222,9 +265,9 @@ def _pair_cells(a: float | None, b: float | None, relative: bool = True) -> tupl
 def _merge_panels(panels: Sequence[list[Panel]]) -> list[Panel]:
     """Merge the plots of plans A and B into one plot for each quantity, such as a joint velocity.
 
-    A plot is described by a panel (see `panels`). In a merged panel, the key "side" of a limit is 0
-    for A and 1 for B, and selects the colour. It is None for a limit that both plans have. The key
-    "sides" lists the plans that have the quantity.
+    A plot is described by a dictionary, which is called a panel. In a merged panel, the key "side"
+    of a limit is 0 for A and 1 for B, and selects the colour. It is None for a limit that both
+    plans have. The key "sides" lists the plans that have the quantity.
 
     Parameters
     ----------

@@ -84,8 +84,20 @@ def write_page(path: Path, text: str, plan: str) -> Path:
 def safe_json(data: Any) -> str:
     """Encode data as JSON for an HTML script element.
 
-    The characters <, > and & are escaped, so that the text cannot close this element. Raises
-    ValueError if the data contain NaN or an infinite number.
+    Parameters
+    ----------
+    data : Any
+        Data of JSON types.
+
+    Returns
+    -------
+    str
+        JSON text. The characters <, > and & are escaped, so that it cannot close the element.
+
+    Raises
+    ------
+    ValueError
+        If the data contain NaN or an infinite number.
     """
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -72,12 +72,12 @@ def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
     plan : Plan
         A plan with a trajectory.
     channels : dict of (n,) arrays
-        Sampled quantities by name, see `sample_channels`.
+        Sampled quantities by name, as `sample_channels` returns them.
 
     Returns
     -------
     list of Panel
-        Panels in display units.
+        Descriptions of the plots, with limits in display units.
     """
     joints = plan.robot.joints
     joint_groups = [
@@ -127,9 +127,9 @@ def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, 
     Returns
     -------
     Panel
-        Dictionary of JSON types with the keys `section`, `title`, `unit`, `series`, `limits` (see
-        `new_limit_entry`), `missing` (sentences on data that the plot lacks) and `active`
-        (intervals at a limit, see `add_active_intervals`).
+        Dictionary of JSON types with the keys `section`, `title`, `unit`, `series`, `limits`
+        (results of `new_limit_entry`), `missing` (sentences on data that the plot lacks) and
+        `active` (intervals in which the motion is at a limit). The last three lists are empty.
     """
     return {
         "section": section,
@@ -208,7 +208,8 @@ def limit_entry(limit: Limit, index: int, channel: str) -> JsonObject:
     dict
         Entry as that of `new_limit_entry`, in the SI unit of the limit.
     """
-    low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # A speed is never negative.
+    # A speed is never negative, so its lower bound 0 is not a limit.
+    low = -np.inf if isinstance(limit, SpeedLimit) else limit.low
     size = limit.half_width if isinstance(limit, RetinaClearance) else None
     owner = limit.coordinate if isinstance(limit, TaskRange) else limit.joint or ""
     line = new_limit_entry(
@@ -247,7 +248,12 @@ def convert_to_display_units(panel: Panel) -> None:
     """Convert the limits and intervals of a plot to display units, in place.
 
     The curves stay in SI units. The scripts of the page multiply them by the `scale` that this
-    function adds to the description of the plot. Infinite bounds become None.
+    function adds to the description of the plot.
+
+    Parameters
+    ----------
+    panel : Panel
+        Description of the plot with limits in SI units. Infinite bounds become None.
     """
     panel["unit"], panel["scale"] = display_unit_of(panel["unit"])
     for limit in panel["limits"]:
@@ -422,6 +428,11 @@ def _joint_panel(
         SI unit of the quantity.
     limit_type : type
         Class of the limits on the quantity.
+
+    Returns
+    -------
+    Panel
+        Description of the plot. Its key `missing` names the joints without a limit.
     """
     title = f"{limit_type.name.capitalize()}: {', '.join(joint.name for _, joint in joints)}"
     panel = new_panel(
@@ -476,13 +487,17 @@ def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> Iterator[Panel
 def torque_part_panels(channels: Arrays) -> Iterator[Panel]:
     """Yield one plot description (panel) per driven joint, with the parts of its motor torque.
 
-    A part is the contribution of one cause to the torque, such as friction or inertia. The parts
-    are those of `TORQUE_COMPONENTS`.
+    A part is the contribution of one cause to the torque, such as friction or inertia.
 
     Parameters
     ----------
     channels : dict of (n,) arrays
-        Sampled quantities by name.
+        Sampled quantities by name. "split0_load" is the part "load" of the motor torque of joint 0.
+
+    Yields
+    ------
+    Panel
+        Description of the plot with one curve for each name in `TORQUE_COMPONENTS`.
     """
     for i, joint in enumerate(JOINTS):
         if f"split{i}_{TORQUE_COMPONENTS[0]}" in channels:
@@ -496,14 +511,21 @@ def torque_part_panels(channels: Arrays) -> Iterator[Panel]:
 def temperature_panels(channels: Arrays, motors: dict[int, Motor]) -> Iterator[Panel]:
     """Yield one plot description (panel) per motor, with the temperatures of winding and housing.
 
-    Motors whose temperatures were not computed are left out, see `missing_temperature_reasons`.
+    Motors whose temperatures were not computed are left out. `missing_temperature_reasons` states
+    the reasons.
 
     Parameters
     ----------
     channels : dict of (n,) arrays
-        Sampled quantities by name.
+        Sampled quantities by name. "winding0" and "housing0" are the temperatures in °C of the
+        motor of joint 0.
     motors : dict of Motor
         Motors by joint index.
+
+    Yields
+    ------
+    Panel
+        Description of the plot, with the limit of the winding temperature.
     """
     for i, motor in motors.items():
         series = [(f"winding{i}", "winding", 1), (f"housing{i}", "housing", 0)]
@@ -582,6 +604,11 @@ def _limits_by_index(
         Class of the limits, `TaskRange` or `TaskRate`.
     indices : list of int
         Indices of the coordinates in `TASK_COORDINATES`.
+
+    Returns
+    -------
+    dict of Limit
+        Limits by index. Coordinates without a limit are left out.
     """
     by_name = {limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)}
     return {i: by_name[TASK_COORDINATES[i]] for i in indices if TASK_COORDINATES[i] in by_name}
@@ -592,6 +619,16 @@ def _eye_panels(eye: Eye) -> Iterator[Panel]:
 
     The first plot shows the distance of the tip to the retina. If the eye has a lens, the second
     plot shows the distance of the shaft from the centre of the lens, in semi-axes of the lens.
+
+    Parameters
+    ----------
+    eye : Eye
+        Geometry of the eye with the required clearances.
+
+    Yields
+    ------
+    Panel
+        Description of the plot with its limit.
     """
     for limit in eye.limits:
         if isinstance(limit, RetinaClearance):

@@ -103,7 +103,7 @@ def write_report(plan: Plan, path: Path) -> Path:
 
 
 def report_page(plan: Plan) -> str:
-    """Return the report of a plan with a trajectory as an HTML document.
+    """Render the report of a plan as an HTML document.
 
     This function only collects texts, tables and the data of the plots. The template report.html
     arranges them.
@@ -181,7 +181,18 @@ def write_no_plan(plan: Plan, path: Path, changes: Sequence[tuple[str, float]] =
 
 
 def problem_tables(plan: Plan) -> list[Table]:
-    """Build the tables of a problem: its motion, the limits of the task, and the joints."""
+    """Build the tables of a problem: its motion, the limits of the task, and the joints.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan or failed plan of the problem.
+
+    Returns
+    -------
+    list of three Table
+        Tables with captions.
+    """
     joints = [_joint_row(joint) for joint in plan.problem.robot.joints]
     limits = limit_rows(plan.limits)
     return [
@@ -198,6 +209,11 @@ def repetition_text(duty: float | None) -> str:
     ----------
     duty : float or None
         Pause between two repetitions, s. None means a single motion.
+
+    Returns
+    -------
+    str
+        Subject of a sentence, such as "The motion repeated without pause".
     """
     if duty is None:
         return "The motion performed once, from a cold start,"
@@ -262,8 +278,13 @@ def motion_sentence(plan: Plan, panels: list[Panel]) -> str:
     plan : Plan
         Plan that is reported.
     panels : list of Panel
-        Descriptions of the plots of the plan (see `build_panels`). They contain the intervals in
-        which the motion is at a limit.
+        Descriptions of all plots of the plan. They contain the intervals in which the motion is at
+        a limit.
+
+    Returns
+    -------
+    str
+        The sentence with a full stop.
     """
     groups: dict[str, list[PhaseSummary]] = {}
     for phase in plan.phases:
@@ -289,7 +310,18 @@ def motion_sentence(plan: Plan, panels: list[Panel]) -> str:
 
 
 def _coordinate_clauses(phase: PhaseSummary) -> Iterator[str]:
-    """Yield a clause for each task coordinate that a phase changes, such as “inserts 20 mm”."""
+    """Yield a clause for each task coordinate that a phase changes, such as “inserts 20 mm”.
+
+    Parameters
+    ----------
+    phase : PhaseSummary
+        Phase of a plan with its task coordinates at both ends.
+
+    Yields
+    ------
+    str
+        Clause about the depth in mm, or about roll, tilt or spin in degrees.
+    """
     for name, start, end in zip(TASK_COORDINATES, phase.task_start, phase.task_end, strict=True):
         change = abs(end - start)
         if change <= COORDINATE_TOLERANCE:
@@ -314,8 +346,8 @@ def _limiting_text(plan: Plan, panels: list[Panel]) -> str:
     plan : Plan
         Plan that is reported.
     panels : list of Panel
-        Descriptions of the plots of the plan (see `build_panels`). They contain the intervals in
-        which a limit is active.
+        Descriptions of all plots of the plan. They contain the intervals in which a limit is
+        active.
 
     Returns
     -------
@@ -348,7 +380,12 @@ def _limit_text(name: str, joints: list[int]) -> str:
     name : str
         Name of the limit.
     joints : list of int
-        Indices of the joints. They are ignored for a limit of the tool.
+        Indices of the joints, from 0. They are ignored for a limit of the tool.
+
+    Returns
+    -------
+    str
+        Name of the limit with an article.
     """
     quantity = "speed" if name == "velocity" else name
     if name not in JOINT_LIMITS:
@@ -375,7 +412,8 @@ def _rest_positions(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObjec
     plan : Plan
         Plan that is reported.
     channels : mapping of (n,) arrays
-        Sampled quantities of the plan, see `sample_channels`.
+        Sampled quantities of the plan by name. "t" contains the instants in s, and "tip0" to "tip2"
+        the coordinates of the tip in m.
 
     Returns
     -------
@@ -399,6 +437,11 @@ def _limit_groups(certificate: Certificate | None) -> list[tuple[str, list[Limit
 
     The first group contains the limits with the smallest margins, among them all violated ones. The
     second group contains the other limits, and the third group the limits on jumps that are kept.
+
+    Parameters
+    ----------
+    certificate : Certificate or None
+        Result of the check of all limits. Without it, the groups are empty.
 
     Returns
     -------
@@ -462,6 +505,11 @@ def _certificate_mark(plan: Plan) -> VerdictMark:
 def _controlled_stops_summary(plan: Plan) -> JsonObject | None:
     """Summarise the controlled stops of a plan, which begin at many instants of the motion.
 
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+
     Returns
     -------
     dict or None
@@ -485,7 +533,18 @@ def _controlled_stops_summary(plan: Plan) -> JsonObject | None:
 
 
 def _motion_table(plan: Plan) -> Table:
-    """Build the table of a problem's motion: its start, every entry, and rates at both ends."""
+    """Build the table of a problem's motion: its start, every entry, and rates at both ends.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan with the problem. An entry of the problem is one motion to a target or one pause.
+
+    Returns
+    -------
+    Table
+        Name, kind and target or duration of each entry.
+    """
     problem = to_plain(plan.problem)
     rows = [("start", "", _target_text({"target": problem.get("start")}))]
     for entry in problem.get("motion") or []:
@@ -503,8 +562,8 @@ def _target_text(motion: JsonObject) -> str:
     Parameters
     ----------
     motion : dict
-        Entry of the list with the key `duration` (s), or with the key `target`, which contains task
-        coordinates, tip coordinates or joint positions in rad and m.
+        Entry of the list with the key `duration` (s), or with the key `target`. A target contains
+        task coordinates, tip coordinates or joint positions, with angles in rad and lengths in m.
 
     Returns
     -------
@@ -525,7 +584,18 @@ def _target_text(motion: JsonObject) -> str:
 
 
 def _joint_row(joint: Joint) -> tuple[str, ...]:
-    """Format a joint as the cells of `JOINT_COLUMNS`."""
+    """Format a joint as one row of the table of the joints.
+
+    Parameters
+    ----------
+    joint : Joint
+        Joint with its limits, drive and motor.
+
+    Returns
+    -------
+    tuple of eight str
+        Cells under the headings `JOINT_COLUMNS`, with limits in degrees or mm.
+    """
     unit, scale = display_unit(joint.unit, "°")
     low, high = joint.position
 

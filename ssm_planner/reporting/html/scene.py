@@ -24,7 +24,20 @@ MAX_VERTEX_ANGLE = math.radians(5.0)
 
 
 def robot_scene(robot: Robot, limits: TaskLimits) -> JsonObject:
-    """Return the scene of a robot: its mechanism, the ranges of task coordinates, and the eye."""
+    """Return the 3D scene of a robot: its mechanism, the ranges of task coordinates, and the eye.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot that is drawn.
+    limits : TaskLimits
+        Limits of the task, with the eye.
+
+    Returns
+    -------
+    dict
+        Scene as JSON types, in m and rad in the base frame.
+    """
     mechanism = Mechanism.from_robot(robot)
     scene = mechanism_scene(mechanism, limits.ranges, link_sides(robot, mechanism), limits.eye)
     scene["names"] = [joint.name for joint in robot.joints]
@@ -50,6 +63,13 @@ def mechanism_scene(
         axis, and −1 opposite to it (default).
     eye : Eye, optional
         Eye with the retina and the lens.
+
+    Returns
+    -------
+    dict
+        `axes` are the unit vectors of joint axes 1 to 3. `insertion_sign` is the factor, +1 or −1,
+        that converts the position of joint 4 to the depth. `bands` are the reachable and the
+        allowed tilt band, and `link` is the radius of the drawn links.
     """
     low, high = tilt_interval(mechanism)
     bands = [{"name": "reachable", **tilt_band(mechanism, (low, high), (-math.pi, math.pi))}]
@@ -104,9 +124,21 @@ def _angle_grid(low: float, high: float) -> Array:
 
 
 def link_sides(robot: Robot, mechanism: Mechanism) -> list[int]:
-    """Return on which side of the RCM links 1 and 2 have their centres of mass.
+    """Return the sides of the remote centre of motion on which links 1 and 2 are drawn.
 
-    A side is +1 in the direction of the joint axis, and −1 opposite to it.
+    A link is drawn on the side of its centre of mass.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with the bodies of its links.
+    mechanism : Mechanism
+        Kinematics of the robot.
+
+    Returns
+    -------
+    list of two int
+        +1 in the direction of the joint axis, and −1 opposite to it.
     """
     sides = []
     for axis, body in zip((mechanism.omega1, mechanism.omega2), robot.bodies, strict=False):

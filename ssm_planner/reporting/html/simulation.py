@@ -54,7 +54,7 @@ def write_simulation_page(plan: Plan, result: SimulationResult, path: Path) -> P
 
 
 def simulation_page(plan: Plan, result: SimulationResult) -> str:
-    """Return the page of a simulated playback as an HTML document.
+    """Render the page of a simulated playback as an HTML document.
 
     Parameters
     ----------
@@ -62,6 +62,11 @@ def simulation_page(plan: Plan, result: SimulationResult) -> str:
         The plan that was simulated.
     result : SimulationResult
         Its simulation.
+
+    Returns
+    -------
+    str
+        Text of the page.
     """
     marks = [("good", "passed", "") if result.passed else ("bad", "not passed", "")]
     marks += [("bad", "", reason) for reason in result.reasons]
@@ -120,7 +125,7 @@ def simulation_data(plan: Plan, result: SimulationResult) -> JsonObject:
 
 
 def _simulated_channels(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
-    """Return the channels, that is, the sampled quantities, of the simulated motion.
+    """Sample the quantities of the simulated motion that the page plots over time.
 
     Parameters
     ----------
@@ -142,7 +147,7 @@ def _simulated_channels(plan: Plan, result: SimulationResult, t: Array) -> Array
     """
 
     def resample(values: Array) -> Array:
-        """Interpolate each column of an array of the result at the instants t of the page."""
+        """Interpolate each column of `values`, one row per simulated instant, at the instants t."""
         return np.column_stack([np.interp(t, result.time, column) for column in values.T])
 
     q = resample(result.q)
@@ -221,7 +226,7 @@ def _single_channel_panel(
     unit : str
         SI unit of the quantity.
     channel : str
-        Name of the quantity, which is a key of `_simulated_channels`.
+        Name of the plotted quantity, such as "tip_error" or "tau0".
     sides : tuple of int
         Motions whose curves are drawn, `PLANNED` or `SIMULATED`.
 
