@@ -15,7 +15,9 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 # Without --no-compile, pip compiles thousands of modules that nobody imports.
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
-SOURCES := pyproject.toml constraints.txt $(wildcard ssm_planner/native/*.[ch])
+SOURCES := pyproject.toml constraints.txt $(wildcard ssm_planner/native/*.[ch]) ssm_planner/native/CMakeLists.txt
+# An installation that adds packages to an environment need not compile the C part again.
+ADD     := $(INSTALL) --config-settings=wheel.cmake=false
 
 # Without cached bytecode, every process compiles the package and its tests anew.
 unexport PYTHONDONTWRITEBYTECODE
@@ -80,11 +82,11 @@ $(VENV)/.test: $(SOURCES) | $(BIN)/python
 	@touch $(VENV)/.main $@
 
 $(VENV)/.lint: $(VENV)/.main
-	$(INSTALL) -e '.[lint]'
+	$(ADD) -e '.[lint]'
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.main
-	$(INSTALL) -e '.[docs]'
+	$(ADD) -e '.[docs]'
 	@touch $@
 
 # One run of pip for all of them.
@@ -94,15 +96,15 @@ $(VENV)/.ci: $(SOURCES) | $(BIN)/python
 
 # Packages for the tests that `.ci/run` repeats with other versions of Python.
 $(VENV)/.versions: $(SOURCES) | $(BIN)/python
-	$(INSTALL) -e . pytest pytest-xdist hypothesis pint
+	$(ADD) -e . pytest pytest-xdist hypothesis pint
 	@touch $(VENV)/.main $@
 
 $(VENV)/.bench: $(VENV)/.main
-	$(INSTALL) -e '.[bench]'
+	$(ADD) -e '.[bench]'
 	@touch $@
 
 $(VENV)/.publish: $(VENV)/.main
-	$(INSTALL) -e '.[publish]'
+	$(ADD) -e '.[publish]'
 	@touch $@
 
 clean:

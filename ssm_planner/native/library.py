@@ -1,9 +1,8 @@
 """Loader of the compiled part of the package, which is written in C.
 
 Every C function has an equivalent in Python or is optional, so the package also works without a
-compiler. `.native_build.py`, which the build of the package runs, compiles the sources in this
-folder with the flags below. Each library contains the key of its sources, so that `load` recognises
-an outdated one.
+compiler. `CMakeLists.txt` in this folder compiles the sources when the package is built. Each
+library contains the key of its sources, so that `load` recognises an outdated one.
 """
 
 import ctypes
@@ -14,27 +13,17 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent
 """Folder of the C sources."""
-FLAGS = (
-    *("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
-    *("-fPIC", "-shared", "-fvisibility=hidden"),
-)
-"""Compiler flags of all variants.
-
-They exclude optimisations that change rounding, so that all variants give the same bits.
-"""
-VARIANTS = {"portable": (), "avx2": ("-mavx2",)}
-"""Additional compiler flags by the name of the variant.
-
-The variant avx2 runs only on processors with these vector instructions.
-"""
 
 
 def key() -> str:
-    """Return a hash of the present C sources and compiler flags, 32 hexadecimal digits."""
-    digest = hashlib.sha256("\n".join([*FLAGS, str(VARIANTS)]).encode())
-    for path in sorted([*FOLDER.glob("*.c"), *FOLDER.glob("*.h")]):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:32]
+    """Return a hash of the present C sources and of their build file, 64 hexadecimal digits.
+
+    `CMakeLists.txt` computes the same hash and compiles it into the libraries.
+    """
+    inputs = [*FOLDER.glob("*.c"), *FOLDER.glob("*.h"), FOLDER / "CMakeLists.txt"]
+    hashes = [(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in inputs]
+    text = "".join(f"{name} {digest}\n" for name, digest in sorted(hashes))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def path_of(variant: str) -> Path:

@@ -1,5 +1,6 @@
 """The compiled library matches the current sources, and all its variants give the same bits.
-Without a working compiler, the package has no library and raises no error.
+
+`tests/loading/test_files.py` builds the package without a compiler.
 """
 
 from __future__ import annotations
@@ -15,110 +16,88 @@ from types import SimpleNamespace
 import pytest
 
 from ssm_planner.native import library
-from tests.support.paths import ROOT
 
+CMAKE = shutil.which("cmake") or shutil.which("cmake", path=str(Path(sys.executable).parent))
 COMPILED = shutil.which("cc") is not None and os.name == "posix"
 needs_compiler = pytest.mark.skipif(not COMPILED, reason="no C compiler here")
+needs_cmake = pytest.mark.skipif(not (COMPILED and CMAKE), reason="no CMake or C compiler here")
 
 
 @pytest.fixture
-def checkout(tmp_path: Path) -> Path:
-    """Return a folder with copies of the C sources, `library.py` and `.native_build.py`.
+def folder(tmp_path: Path) -> Path:
+    """Return a folder with copies of the C sources, their build file and `library.py`."""
+    folder = tmp_path / "native"
+    folder.mkdir()
+    for pattern in ("*.c", "*.h", "library.py", "CMakeLists.txt"):
+        for source in library.FOLDER.glob(pattern):
+            shutil.copy(source, folder)
+    return folder
 
-    The copies compile only the portable variant, without optimisation, to save time.
+
+def build(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    """Compile the portable variant of a folder as an editable install does.
+
+    It is not optimised, to save time.
     """
-    folder = tmp_path / "ssm_planner/native"
-    folder.mkdir(parents=True)
-    for source in [*library.FOLDER.glob("*.c"), *library.FOLDER.glob("*.h")]:
-        shutil.copy(source, folder)
-    text = (library.FOLDER / "library.py").read_text(encoding="utf-8")
-    quick = text.replace('"-O3"', '"-O0"').replace(', "avx2": ("-mavx2",)', "")
-    (folder / "library.py").write_text(quick, encoding="utf-8")
-    shutil.copy(ROOT / ".native_build.py", tmp_path)
-    return tmp_path
+    assert CMAKE is not None
+    configure = [CMAKE, "-S", str(folder), "-B", str(folder), "-DCMAKE_C_FLAGS=-O0", *options]
+    done = subprocess.run(configure, capture_output=True, text=True)
+    if done.returncode:
+        return done
+    compile_all = [CMAKE, "--build", str(folder), "--parallel", "2", "--target", "portable"]
+    return subprocess.run(compile_all, capture_output=True, text=True)
 
 
-def builder(checkout: Path) -> SimpleNamespace:
-    """Return the functions of `.native_build.py` in a checkout."""
-    return SimpleNamespace(**runpy.run_path(str(checkout / ".native_build.py")))
-
-
-def loader(checkout: Path) -> SimpleNamespace:
-    """Return the functions of `library.py` in a checkout, with an empty cache."""
-    return SimpleNamespace(**runpy.run_path(str(checkout / "ssm_planner/native/library.py")))
+def loader(folder: Path) -> SimpleNamespace:
+    """Return the functions of `library.py` in a folder, with an empty cache."""
+    return SimpleNamespace(**runpy.run_path(str(folder / "library.py")))
 
 
 @pytest.mark.slow
-@needs_compiler
-def test_of_the_sources_as_they_are(checkout: Path) -> None:
+@needs_cmake
+def test_a_library_belongs_to_its_sources(folder: Path) -> None:
     """A library is compiled once for its sources, and a change of the sources invalidates it."""
-    assert loader(checkout).load() is None
-    result = builder(checkout).build()
-    folder = checkout / "ssm_planner/native"
-    assert loader(checkout).path_of("portable") in result
-    assert sorted(folder.glob("libraries/*")) == sorted(result)
-    times = [path.stat().st_mtime_ns for path in result]
-    assert builder(checkout).build() == result
-    assert [path.stat().st_mtime_ns for path in result] == times  # nothing was compiled again
-    assert loader(checkout).load() is not None
-    with (folder / "reachability.c").open("a") as file:
+    assert loader(folder).load() is None
+    assert build(folder).returncode == 0
+    path = loader(folder).path_of("portable")
+    time = path.stat().st_mtime_ns
+    assert loader(folder).load() is not None
+    assert build(folder).returncode == 0
+    assert path.stat().st_mtime_ns == time  # nothing was compiled again
+    for name in ("reachability.c", "lanes.h", "CMakeLists.txt"):
+        text = (folder / name).read_bytes()
+        (folder / name).write_bytes(text + b"\n")
+        assert loader(folder).load() is None, name
+        (folder / name).write_bytes(text)
+        assert loader(folder).load() is not None
+    with (folder / "identity.c").open("a") as file:
         file.write("/* another law */\n")
-    assert loader(checkout).load() is None
+    assert loader(folder).load() is None
+    assert build(folder).returncode == 0
+    assert loader(folder).key().encode() in path.read_bytes()
     # A file that contains the key but cannot be loaded counts as missing.
-    result[0].with_stem("other").write_bytes(loader(checkout).key().encode())
-    assert not builder(checkout)._is_made("other")
+    path.unlink()
+    path.write_bytes(loader(folder).key().encode())
+    assert loader(folder).load() is None
 
 
-@needs_compiler
-def test_what_does_not_compile_is_no_library_and_no_fault(
-    checkout: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """Sources that do not compile leave no library, and the build reports them without an error."""
-    folder = checkout / "ssm_planner/native"
-    for source in folder.glob("*.c"):
-        source.unlink()
-    (folder / "wrong.c").write_text("this is no C\n", encoding="utf-8")
-    assert builder(checkout).build() == []
-    assert not list(folder.glob("libraries/*"))
-    assert "without its compiled library" in capfd.readouterr().err
-
-
-def test_without_a_compiler(
-    checkout: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """Without a compiler, the build makes no library and prints nothing."""
-    monkeypatch.setenv("PATH", str(checkout))
-    assert builder(checkout).build() == []
-    assert loader(checkout).load() is None
-    assert capfd.readouterr().err == ""
-
-
-def test_the_compiler_may_have_options(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CC", f"{shutil.which('env')} -u NAME no-such-compiler")
-    assert builder(checkout)._compiler()[1:] == ["-u", "NAME", "no-such-compiler"]
-    monkeypatch.setenv("CC", " ")
-    assert [Path(word).name for word in builder(checkout)._compiler()] in ([], ["cc"])
-
-
-def test_a_wheel_is_of_the_system_that_is_named(
-    checkout: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@needs_cmake
+@pytest.mark.parametrize(("processor", "variants"), [("aarch64", 1), ("x86_64", 2)])
+def test_variants_are_those_of_the_processor(folder: Path, processor: str, variants: int) -> None:
     """A build for another processor than x86-64 has no variant for AVX2."""
-    monkeypatch.setenv("_PYTHON_HOST_PLATFORM", "manylinux_2_28_aarch64")
-    shutil.copy(library.FOLDER / "library.py", checkout / "ssm_planner/native")
-    requested: list[str] = []
-    functions = runpy.run_path(str(checkout / ".native_build.py"))
-    scope = functions["build"].__globals__
-    scope |= {"_is_made": lambda name: requested.append(name) is None, "_compiler": lambda: ["cc"]}
-    functions["build"]()
-    assert requested == ["portable"]
+    target = ["-DCMAKE_SYSTEM_NAME=Linux", f"-DCMAKE_SYSTEM_PROCESSOR={processor}"]
+    assert CMAKE is not None
+    command = [CMAKE, "-S", str(folder), "-B", str(folder / "build"), *target]
+    subprocess.run(command, check=True, capture_output=True)
+    made = (folder / "build").glob("CMakeFiles/*.dir")
+    assert len({path.stem for path in made} & {"portable", "avx2"}) == variants
 
 
 @needs_compiler
 def test_the_tests_run_with_it() -> None:
     """The tests load the library of the current sources.
 
-    `make test` installs it, and `python .native_build.py` compiles it.
+    `make test` compiles and installs it.
     """
     if not library.path_of("portable").exists():
         pytest.skip("installed without the compiled part")
@@ -150,10 +129,9 @@ def test_warnings(tmp_path: Path) -> None:
         subprocess.run(["cc", *flags, str(source)], check=True)
 
 
-@needs_compiler
 @pytest.mark.slow
+@pytest.mark.skipif(library.load() is None, reason="installed without the compiled part")
 def test_every_variant_gives_the_same_bits() -> None:
-    builder(ROOT).build()
     probe = """
 import sys, hashlib, numpy as np
 from ssm_planner.native import library
