@@ -27,6 +27,7 @@ from ssm_planner.problem import (
     Motor,
     Transmission,
     field_hints,
+    get_attributes,
 )
 from ssm_planner.typing import JsonObject, frozen
 from ssm_planner.units import BadQuantity, split_heading
@@ -130,6 +131,11 @@ def read_catalogue(path: Path, gear: bool = False) -> JsonObject:
 def catalogue_sizes(path: Path) -> dict[str, dict[str, float]]:
     """Return the masses and lengths of the entries of a CSV catalogue.
 
+    Parameters
+    ----------
+    path : Path
+        CSV table or folder of YAML files, or the name of a shipped catalogue.
+
     Returns
     -------
     dict of dict
@@ -153,7 +159,23 @@ def catalogue_sizes(path: Path) -> dict[str, dict[str, float]]:
 
 
 def read_motors(path: Path) -> list[CatalogueEntry[Motor]]:
-    """Read the motors of a catalogue. Raises ProblemError if it is missing or invalid."""
+    """Read the motors of a catalogue.
+
+    Parameters
+    ----------
+    path : Path
+        CSV table or folder of YAML files, or the name of a shipped catalogue.
+
+    Returns
+    -------
+    list of CatalogueEntry
+        Motors in the order of the catalogue.
+
+    Raises
+    ------
+    ProblemError
+        If the catalogue is missing or invalid.
+    """
     sections = _sections(path, _motor_content)
     motors = {label: motor_from(section) for label, section in sections.items()}
     sizes = catalogue_sizes(path)
@@ -217,9 +239,22 @@ def drives_with_gears(path: Path, drive: Drive, travel: float = 0.0) -> list[Cat
 
 
 def read_gearheads(path: Path) -> list[CatalogueEntry[Gearhead]]:
-    """Read the gearheads of a catalogue, which must state the inertia of each.
+    """Read the gearheads of a catalogue, which must state the inertia of each gearhead.
 
-    Raises ProblemError if the catalogue is missing or invalid.
+    Parameters
+    ----------
+    path : Path
+        CSV table or folder of YAML files, or the name of a shipped catalogue.
+
+    Returns
+    -------
+    list of CatalogueEntry
+        Gearheads in the order of the catalogue.
+
+    Raises
+    ------
+    ProblemError
+        If the catalogue is missing or invalid.
     """
     entries = []
     for label, section in _sections(path, _gearhead_content).items():
@@ -258,8 +293,15 @@ def _nest_keys(cells: JsonObject, values: JsonObject) -> JsonObject:
 def _has_dimensions_of(row: CatalogueRow, kind: type[Transmission]) -> bool:
     """Return True if the columns of a row are dimensions of one kind of drive.
 
-    A kind with distinctive dimensions requires at least one of them. Any other kind requires a row
-    without the distinctive dimensions of other kinds.
+    A distinctive dimension occurs in only one kind of drive.
+
+    Parameters
+    ----------
+    row : CatalogueRow
+        Row of a catalogue of gears.
+    kind : type
+        Subclass of Transmission. A kind with distinctive dimensions requires at least one of them.
+        Any other kind requires a row without the distinctive dimensions of other kinds.
     """
     columns = {name.removeprefix("geometry.") for name in row.cells if "geometry." in name}
     if kind.distinctive:
@@ -268,9 +310,22 @@ def _has_dimensions_of(row: CatalogueRow, kind: type[Transmission]) -> bool:
 
 
 def find_catalogue(path: Path) -> Path:
-    """Return the file or folder of a catalogue, given its path or its shipped name.
+    """Return the file or folder of a catalogue.
 
-    Raises ProblemError if the catalogue does not exist.
+    Parameters
+    ----------
+    path : Path
+        Path of the catalogue, or its name if it is shipped with the package.
+
+    Returns
+    -------
+    Path
+        CSV table or folder of YAML files.
+
+    Raises
+    ------
+    ProblemError
+        If the catalogue does not exist.
     """
     shipped = shipped_folder() / "catalogues" / path.name
     with suppress(OSError, ValueError):  # a name can be too long for a file
@@ -289,6 +344,16 @@ def read_rows(file: Path) -> list[CatalogueRow]:
 
     Each row must have a unique name or order number. Numbers of tables with semicolons or tabs may
     have decimal commas.
+
+    Parameters
+    ----------
+    file : Path
+        CSV table with headings such as "nominal_voltage [V]".
+
+    Returns
+    -------
+    list of CatalogueRow
+        Rows in the order of the table.
 
     Raises
     ------
@@ -356,9 +421,19 @@ C = TypeVar("C")
 
 
 def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
-    """Return the entries of a catalogue unchanged.
+    """Return the entries of a catalogue unchanged if their number is permitted.
 
-    Raises ProblemError if the catalogue is empty or has more than `LARGEST_CATALOGUE` entries.
+    Parameters
+    ----------
+    file : Path
+        The catalogue, for messages.
+    named_entries : dict
+        Entries by name.
+
+    Raises
+    ------
+    ProblemError
+        If the catalogue is empty or has more than `LARGEST_CATALOGUE` entries.
     """
     if not 0 < len(named_entries) <= LARGEST_CATALOGUE:
         raise ProblemError(
@@ -378,8 +453,20 @@ def number_or_text(text: str) -> str | float:
 def _motor_content(row: CatalogueRow) -> JsonObject:
     """Convert a row of a table to the content of a motor file.
 
-    Columns that are not keys of motor files are ignored. Raises ProblemError if two columns state
-    the same figure.
+    Parameters
+    ----------
+    row : CatalogueRow
+        Row of the catalogue. Columns that are not keys of motor files are ignored.
+
+    Returns
+    -------
+    dict
+        Values by key of a motor file.
+
+    Raises
+    ------
+    ProblemError
+        If two columns state the same figure.
     """
     cells = dict(row.cells)
     source = cells.pop("source", row.default_source)
@@ -415,19 +502,19 @@ def _section(row: CatalogueRow, values: JsonObject) -> Section:
 
 
 def _mass_or_length(row: CatalogueRow, name: str) -> float | None:
-    """Return the mass (kg) or the length (m) in a row.
+    """Return the mass or the length that a row of a catalogue states.
 
     Parameters
     ----------
     row : CatalogueRow
         Row of the catalogue.
     name : str
-        Key of `SIZE_COLUMNS`.
+        "mass" or "length".
 
     Returns
     -------
     float or None
-        The value, or None if the row does not state it.
+        Mass in kg or length in m. None if the row does not state it.
 
     Raises
     ------
@@ -468,9 +555,9 @@ def _drive_for_joint(section: Section, drive: Drive, travel: float) -> Drive:
 
 
 def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
-    """Return a drive with the gear of a row and the friction of the given drive.
+    """Replace the gear of a drive by the gear in a row of a catalogue.
 
-    The row replaces the geometry and the ratings. Inertias, coefficients of friction and the
+    The row determines the geometry and the ratings. Inertias, coefficients of friction and the
     ratings in `ROBOT_RATINGS` that the row does not state are those of the given drive.
 
     Parameters
@@ -481,6 +568,11 @@ def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
         Present drive of the joint, which has a thread.
     travel : float
         Travel of the joint, rad or m.
+
+    Returns
+    -------
+    Drive
+        The given drive with the gear of the row.
 
     Raises
     ------
@@ -499,7 +591,7 @@ def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
         "friction": {
             "mu": friction.mu,
             "mu_static": friction.mu_static,
-            "b_c": "0 N*m",  # replaced below
+            "b_c": "0 N*m",  # required in drive files, and replaced below
             "b_v": "0 N*m*s/rad",
         },
         "self_locking": "not required",  # `size` checks self-locking
@@ -511,7 +603,7 @@ def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
         }
     cells = _gear_content(row)
     stated = {key.rpartition(".")[2] for key in cells}
-    of_friction = [name for name in field_hints(Friction) if f"friction.{name}" in cells]
+    stated_friction = [name for name in field_hints(Friction) if f"friction.{name}" in cells]
     section = _section(row, _nest_keys(cells, values))
     result = _drive_for_joint(section, drive, travel)
     ratings = result.ratings
@@ -528,12 +620,12 @@ def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
             result,
             ratings=ratings,
             friction=replace(
-                friction, **{name: getattr(required_friction(result), name) for name in of_friction}
+                friction, **get_attributes(required_friction(result), stated_friction)
             ),
             friction_ranges={
                 name: ends
                 for name, ends in drive.friction_ranges.items()
-                if name not in of_friction
+                if name not in stated_friction
             },
             placeholders=tuple(name for name in drive.placeholders if name not in stated),
         )

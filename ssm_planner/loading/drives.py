@@ -77,8 +77,23 @@ ZERO_PRESSURE_ANGLE = 1e-9
 def _parse_numbers(value: Any) -> tuple[float, ...]:
     """Read a text of finite numbers in SI units that are separated by spaces.
 
-    The posterior in a drive file contains many numbers, so that a list with units would be too
-    long. Raises a pydantic error if the text is empty or contains anything else.
+    The posterior in a drive file, that is, the uncertainty of its friction, contains many numbers.
+    A list with units would be too long.
+
+    Parameters
+    ----------
+    value : object
+        Value in the file, which should be a text.
+
+    Returns
+    -------
+    tuple of float
+        The numbers.
+
+    Raises
+    ------
+    PydanticCustomError
+        If the value is not a text, or if the text is empty or contains anything else.
     """
     try:
         numbers = tuple(float(text) for text in value.split())
@@ -160,9 +175,14 @@ def _friction_range_type(name: str, slides: bool) -> Any:
         Name of the parameter, a field of Friction.
     slides : bool
         True for the units of a drive with a linear output.
+
+    Returns
+    -------
+    tuple
+        Type and default of the key, as pydantic expects them.
     """
     quantity_kind = unit_kind(field_quantities(Friction)[name], slides)
-    # the bounds of a dimensionless number may be equal
+    # An interval requires different bounds. Those of a dimensionless number may be equal.
     return optional_key(
         Annotated[
             Any,
@@ -207,7 +227,12 @@ def drive_model(drive_kind: str) -> Any:
     Parameters
     ----------
     drive_kind : str
-        Name of the kind of drive in `TRANSMISSIONS`.
+        Name of the kind of drive in `TRANSMISSIONS`, such as "lead_screw".
+
+    Returns
+    -------
+    type
+        Model with a field for each key of the file.
     """
     kind: Any = TRANSMISSIONS.find(drive_kind)
     slides = kind.slides
@@ -256,8 +281,13 @@ def gearhead_from(section: Section, model: Any = None) -> Gearhead:
     ----------
     section : Section
         Part of the file that describes the gear stage.
-    model : optional
-        The validated section. By default, the function validates the section.
+    model : object, optional
+        Validated content of the section. By default, the function validates the section.
+
+    Returns
+    -------
+    Gearhead
+        The gear stage with its ratings.
 
     Raises
     ------
@@ -370,10 +400,22 @@ def _add_to_identify(schema: JsonObject) -> None:
 
 
 def drive_from(section: Section) -> Drive:
-    """Build the drive that a section describes.
+    """Build the drive that a section of a file describes.
 
-    Raises ProblemError if a value is invalid, or if the drive is not self-locking although it must
-    be.
+    Parameters
+    ----------
+    section : Section
+        Content of a drive file, or the part of a robot file that contains the drive.
+
+    Returns
+    -------
+    Drive
+        The drive with its gear stages, friction and ratings.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid, or if the drive is not self-locking although it must be.
     """
     with locate_errors(section):
         kind = TRANSMISSIONS.find(section.value.get("kind"), "Drive.kind")
@@ -418,6 +460,11 @@ def _complete_dimensions(section: Section, model: Any, kind: Any) -> dict[str, f
     kind : type
         Subclass of Transmission, which computes the dimensions that the file does not state.
 
+    Returns
+    -------
+    dict of float
+        Stated and computed dimensions.
+
     Raises
     ------
     ProblemError
@@ -446,6 +493,11 @@ def _thread_fields(
         Subclass of Transmission.
     dimensions : mapping
         All dimensions in SI units by key.
+
+    Returns
+    -------
+    dict
+        Keyword arguments of the constructor of Drive.
     """
     lead_angle = dimensions["lead_angle"]
     friction = None
@@ -457,6 +509,8 @@ def _thread_fields(
         "ratio": kind.motor_ratio(dimensions),
         "gamma": kind.effort_arm(dimensions),
         "lead_angle": lead_angle,
+        # The thread angle is measured in the axial section of the thread, and the pressure angle in
+        # the section normal to the thread.
         "pressure_angle": math.atan(
             math.tan(dimensions["thread_angle"] / 2) * math.cos(lead_angle)
         ),
@@ -487,6 +541,11 @@ def _efficiency_fields(
         Subclass of Transmission.
     dimensions : mapping
         All dimensions in SI units by key.
+
+    Returns
+    -------
+    dict
+        Keyword arguments of the constructor of Drive.
     """
     ratio = kind.motor_ratio(dimensions)
     bearings = {} if model.friction is None else model.friction.numbers()
@@ -507,10 +566,18 @@ def _efficiency_fields(
 
 
 def _si_values(model: Model) -> Keywords:
-    """Return keyword arguments for the class that a model describes, in SI units.
+    """Return the values of a section as keyword arguments for the class that it describes.
 
-    A model contains the validated values of a section of a file. Keys that the file omits, and keys
-    that are not fields of the class, are absent from the result.
+    Parameters
+    ----------
+    model : Model
+        Validated content of the section.
+
+    Returns
+    -------
+    dict
+        Values in SI units by name of the field. Keys that the file omits, and keys that are not
+        fields of the class, are absent.
     """
     numbers = {
         name: field_value.value if isinstance(field_value, Figure) else field_value
@@ -523,7 +590,7 @@ def _si_values(model: Model) -> Keywords:
 
 
 def _friction_from(section: Section, model: Any) -> Friction:
-    """Build the friction that a section describes. A missing `mu_static` is set to `mu`.
+    """Build the friction that a section describes.
 
     Parameters
     ----------
@@ -531,6 +598,11 @@ def _friction_from(section: Section, model: Any) -> Friction:
         Part of the file that describes the friction.
     model : object
         The validated section.
+
+    Returns
+    -------
+    Friction
+        The friction. A missing static coefficient of friction equals the kinetic one.
 
     Raises
     ------
@@ -555,9 +627,24 @@ def _friction_from(section: Section, model: Any) -> Friction:
 
 
 def _posterior_from(model: Any) -> Posterior:
-    """Build the posterior, that is, the equally likely parameter sets, from its validated section.
+    """Build the posterior of the friction parameters from its validated section.
 
-    Raises ProblemError if the columns of the parameter sets have different lengths.
+    The posterior consists of equally likely sets of parameters, which are called draws.
+
+    Parameters
+    ----------
+    model : object
+        Validated content of the section, with a column of values for each parameter.
+
+    Returns
+    -------
+    Posterior
+        The posterior. Its draws have one row for each set and one column for each parameter.
+
+    Raises
+    ------
+    ProblemError
+        If the columns have different lengths.
     """
     if len({len(column) for column in model.draws.values()}) != 1:
         raise ProblemError(

@@ -77,7 +77,7 @@ def find_file(name: str | Path, folder: ShippedFolder) -> Path:
 
 
 def read_section(path: str | Path) -> Section:
-    """Read a YAML file that contains a mapping. Raises ProblemError for other files."""
+    """Read a YAML file that contains a mapping. Raise ProblemError for other files."""
     file = Path(path)
     return _whole_file(file, parse_yaml(file, read_text(file)))
 
@@ -108,6 +108,11 @@ def _whole_file(file: Path | None, root: Node) -> Section:
     root : Node
         Root of its tree.
 
+    Returns
+    -------
+    Section
+        Section with an empty path.
+
     Raises
     ------
     ProblemError
@@ -136,6 +141,11 @@ def follow_reference(section: Section, *path: str | int, file_kind: str | None =
         Keys and list positions that lead to the entry.
     file_kind : str, optional
         Kind of the file: robot, drive, motor or problem. The default is the name of the key.
+
+    Returns
+    -------
+    Section
+        The mapping, as a part of its file.
 
     Raises
     ------
@@ -176,6 +186,11 @@ def read_file_bytes(file: Path, largest: int = LARGEST_FILE) -> bytes:
     largest : int
         Largest permitted size, bytes.
 
+    Returns
+    -------
+    bytes
+        Content of the file.
+
     Raises
     ------
     ProblemError
@@ -208,7 +223,7 @@ def decode_text(file: Path, data: bytes) -> str:
 
 
 def read_text(file: Path) -> str:
-    """Read a text file in UTF-8. Raises ProblemError if the file is empty or cannot be read."""
+    """Read a text file in UTF-8. Raise ProblemError if the file is empty or cannot be read."""
     text = decode_text(file, read_file_bytes(file))
     if not text.strip():
         raise ProblemError("the file is empty", file=file, line=1)

@@ -40,7 +40,19 @@ LARGEST_INTEGER_DIGITS = 18
 
 
 def read_json(path: Path, max_size: int) -> Any:
-    """Read a JSON file of at most `max_size` bytes.
+    """Read a JSON file of limited size.
+
+    Parameters
+    ----------
+    path : Path
+        File to read.
+    max_size : int
+        Largest permitted size, bytes.
+
+    Returns
+    -------
+    object
+        Dictionaries, lists and single values.
 
     Raises
     ------
@@ -88,10 +100,10 @@ def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> 
 
 
 def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
-    """Parse a file, and convert its longest list to an array (n, …).
+    """Parse a JSON file, and convert its longest list to an array (n, …).
 
     A random mark replaces the list while the rest of the file is parsed. A file that cannot be
-    split in this way is parsed as a whole, which also describes its faults.
+    split in this way is parsed as a whole. This also finds and describes faults of the file.
 
     Parameters
     ----------
@@ -138,7 +150,7 @@ def _parse_whole(path: Path, data: mmap) -> Any:
 
 
 def _read_array(path: Path, data: mmap, start: int, end: int) -> Array:
-    """Convert the part of a file between two positions to an array (n, …), batch by batch.
+    """Convert a part of a file to an array in batches.
 
     Parameters
     ----------
@@ -148,6 +160,11 @@ def _read_array(path: Path, data: mmap, start: int, end: int) -> Array:
         Content of the file.
     start, end : int
         Positions of the first byte of the list's entries, and after their last byte.
+
+    Returns
+    -------
+    (n, …) array
+        Entries of the list.
 
     Raises
     ------
@@ -188,7 +205,22 @@ def read_bytes(path: Path, max_size: int) -> bytes:
 def parse_json(path: Path, data: bytes) -> Any:
     """Parse the content of a JSON file.
 
-    Raises TrajectoryError, which names the file `path`, if the content is invalid.
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    data : bytes
+        Content of the file.
+
+    Returns
+    -------
+    object
+        Dictionaries, lists and single values.
+
+    Raises
+    ------
+    TrajectoryError
+        If the content is invalid.
     """
 
     decoder = _strict_decoder(path)
@@ -212,7 +244,15 @@ def parse_json(path: Path, data: bytes) -> Any:
 def _strict_decoder(path: Path) -> json.JSONDecoder:
     """Return a JSON decoder that refuses NaN, infinity and integers with too many digits.
 
-    Its errors are TrajectoryErrors that name the file `path`.
+    Parameters
+    ----------
+    path : Path
+        File that the error messages of the decoder name.
+
+    Returns
+    -------
+    json.JSONDecoder
+        Decoder that raises TrajectoryError for these values.
     """
 
     def refuse(constant: str) -> NoReturn:

@@ -64,6 +64,11 @@ def load_problem(name: str | Path) -> Problem:
     name : str or Path
         File, or name of a shipped problem.
 
+    Returns
+    -------
+    Problem
+        The problem with its robot.
+
     Raises
     ------
     ProblemError
@@ -96,7 +101,20 @@ Problem.from_yaml = lambda text: problem_from(section_from_text(text))
 def load_robot(name: str | Path) -> Robot:
     """Load a robot with its drives and motors from a YAML file or by its shipped name.
 
-    Raises ProblemError, which names the file, the line and the key, if a value is invalid.
+    Parameters
+    ----------
+    name : str or Path
+        File, or name of a shipped robot.
+
+    Returns
+    -------
+    Robot
+        The robot.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid. The error names the file, the line and the key.
 
     Examples
     --------
@@ -111,8 +129,20 @@ def load_robot(name: str | Path) -> Robot:
 def load_drive(name: str | Path) -> Drive:
     """Load a drive from a YAML file or by its shipped name.
 
-    The friction is None if the file does not contain it, because it is still to be identified.
-    Raises ProblemError if a value is invalid.
+    Parameters
+    ----------
+    name : str or Path
+        File, or name of a shipped drive.
+
+    Returns
+    -------
+    Drive
+        The drive. Its friction is None if the file states that it is still to be identified.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid.
 
     Examples
     --------
@@ -128,7 +158,20 @@ def load_drive(name: str | Path) -> Drive:
 def load_motor(name: str | Path) -> Motor:
     """Load a motor from a YAML file or by its shipped name.
 
-    Raises ProblemError if a value is invalid.
+    Parameters
+    ----------
+    name : str or Path
+        File, or name of a shipped motor.
+
+    Returns
+    -------
+    Motor
+        The motor.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid.
 
     Examples
     --------
@@ -148,6 +191,11 @@ def _values_by_joint_model(cls: Any) -> Any:
     ----------
     cls : type
         Class whose fields are the keys for each joint.
+
+    Returns
+    -------
+    type
+        Pydantic model of the mapping.
     """
     return joint_mapping_model(lambda slides: build_class_model(cls, slides=slides))
 
@@ -169,7 +217,20 @@ ControllerModel = build_class_model(
 def load_controller(name: str | Path) -> Controller:
     """Load a motor controller from a YAML file or by its shipped name.
 
-    Raises ProblemError if a value is invalid.
+    Parameters
+    ----------
+    name : str or Path
+        File, or name of a shipped controller.
+
+    Returns
+    -------
+    Controller
+        The controller.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid.
 
     Examples
     --------
@@ -200,7 +261,7 @@ def _stroke_model(slides: bool) -> Any:
     return build_class_model(Stroke, {"centre": centre}, slides=slides, without=("joint",))
 
 
-_RunModel = joint_mapping_model(_stroke_model)
+_StrokesModel = joint_mapping_model(_stroke_model)
 
 
 class MotorisationModel(Model):
@@ -215,16 +276,30 @@ class MotorisationModel(Model):
     held: JointValues = (0.0, 0.0, 0.0, 0.0)
     """Positions of the joints that do not move."""
     back_and_forth: Annotated[
-        list[Annotated[Any, Nested(_RunModel)]], Field(min_length=1, max_length=100)
+        list[Annotated[Any, Nested(_StrokesModel)]], Field(min_length=1, max_length=100)
     ]
-    """Runs of one joint each."""
+    """Back-and-forth strokes of one joint each."""
 
 
 def load_motorisation(name: str | Path) -> Motorisation:
     """Load a motorisation and its robot from a YAML file or by its shipped name.
 
     A motorisation contains back-and-forth strokes of single joints, for which motors are sized.
-    Raises ProblemError if a value is invalid.
+
+    Parameters
+    ----------
+    name : str or Path
+        File, or name of a shipped motorisation.
+
+    Returns
+    -------
+    Motorisation
+        The strokes and the robot.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid.
     """
     section = read_section(find_file(name, "motorisation"))
     if section.has_key("motion") and not section.has_key("back_and_forth"):
@@ -256,9 +331,17 @@ FileKind = Literal["problem", "robot", "drive", "motor", "motorisation", "contro
 
 
 def _file_models(file_kind: FileKind) -> tuple[Any, ...]:
-    """Return the models of a kind of file.
+    """Return the pydantic models of a kind of file.
 
-    Drive files have one model for each kind of drive. All other files have a single model.
+    Parameters
+    ----------
+    file_kind : str
+        "problem", "robot", "drive", "motor", "motorisation" or "controller".
+
+    Returns
+    -------
+    tuple of type
+        One model for each kind of drive, or a single model for any other file.
     """
     models = {
         "problem": problem_model(tuple(MOTIONS)),
@@ -274,6 +357,16 @@ def json_schema(file_kind: FileKind) -> JsonObject:
     """Return the JSON schema of a kind of file.
 
     Editors complete and check YAML files with the schema.
+
+    Parameters
+    ----------
+    file_kind : str
+        "problem", "robot", "drive", "motor", "motorisation" or "controller".
+
+    Returns
+    -------
+    dict
+        JSON schema of the file.
     """
     every: Any = Union[_file_models(file_kind)]  # noqa: UP007 - of a tuple
     return TypeAdapter(every).json_schema()

@@ -28,7 +28,7 @@ POINT_KEYS = {
 
 
 def expand_abbreviations(section: Section, within: tuple[Section, ...] = ()) -> Section:
-    """Return the section of a problem in which all abbreviations are expanded.
+    """Expand the named points, repetitions, inclusions and corners in a problem file.
 
     Parameters
     ----------
@@ -36,6 +36,11 @@ def expand_abbreviations(section: Section, within: tuple[Section, ...] = ()) -> 
         Problem file.
     within : tuple of Section
         Problem files that include this one, from the outermost to the innermost.
+
+    Returns
+    -------
+    Section
+        The problem with a plain list of motions.
 
     Raises
     ------
@@ -58,7 +63,17 @@ def expand_abbreviations(section: Section, within: tuple[Section, ...] = ()) -> 
 def _replace_children(node: Node, children: Mapping[str | int, Node]) -> Node:
     """Return a copy of a mapping or list with other entries.
 
-    Keys that the node already has keep their lines. New keys have the line of their value.
+    Parameters
+    ----------
+    node : Node
+        Node that is copied. Its keys keep their lines. New keys have the line of their value.
+    children : mapping of Node
+        New entries by key or list position.
+
+    Returns
+    -------
+    Node
+        The copy.
     """
     values = {key: child.value for key, child in children.items()}
     lines = {key: node.key_lines.get(key, child.line) for key, child in children.items()}
@@ -73,9 +88,22 @@ def _replace_children(node: Node, children: Mapping[str | int, Node]) -> Node:
 
 
 def _named_points(section: Section) -> Mapping[str | int, Node]:
-    """Return the nodes of the points in the key `points` of a problem, by name.
+    """Return the named points of a problem, which its key `points` contains.
 
-    Raises ProblemError if this key does not contain a mapping of names to mappings.
+    Parameters
+    ----------
+    section : Section
+        The problem file.
+
+    Returns
+    -------
+    mapping of Node
+        Parts of the file that describe the points, by name. Empty without the key.
+
+    Raises
+    ------
+    ProblemError
+        If the key does not contain a mapping of names to mappings.
     """
     if not section.has_key("points"):
         return {}
@@ -93,7 +121,7 @@ def _named_points(section: Section) -> Mapping[str | int, Node]:
 def _replace_point_names(
     part_section: Section, node: Node, points: Mapping[str | int, Node]
 ) -> Node:
-    """Return a copy of a node in which points replace their names.
+    """Return a copy of a part of a file in which points replace their names.
 
     Parameters
     ----------
@@ -104,11 +132,17 @@ def _replace_point_names(
     points : Mapping
         Nodes of the named points by name.
 
+    Returns
+    -------
+    Node
+        The copy.
+
     Raises
     ------
     ProblemError
         If a name is unknown.
     """
+    # The last two keys are, for example, "free" and "to". Positions in lists are left out.
     keys = [key for key in part_section.path if isinstance(key, str)]
     if keys[-1] in POINT_KEYS.get(keys[-2] if len(keys) > 1 else "", ()) and isinstance(
         node.value, str
@@ -207,6 +241,11 @@ class _MotionExpansion:
         node : Node
             Tree of this part.
 
+        Returns
+        -------
+        list of Node
+            Entries of the expanded list.
+
         Raises
         ------
         ProblemError
@@ -232,7 +271,22 @@ class _MotionExpansion:
     def _repeat(self, list_section: Section, node: Node) -> list[Node]:
         """Return the motions of a `repeat` entry as often as it states.
 
-        Raises ProblemError if there are more than `LONGEST_MOTION`.
+        Parameters
+        ----------
+        list_section : Section
+            Part of the file under the key `repeat`.
+        node : Node
+            Tree of this part.
+
+        Returns
+        -------
+        list of Node
+            Entries of the motion list.
+
+        Raises
+        ------
+        ProblemError
+            If there are more than `LONGEST_MOTION`.
         """
         times = validate_section(list_section, RepeatModel).times
         once = self.expand(list_section.sub("motion"), node.children["motion"])
@@ -247,6 +301,16 @@ class _MotionExpansion:
 
         Messages about these motions refer to the line that includes the problem. Relative paths of
         tables are replaced by absolute ones.
+
+        Parameters
+        ----------
+        motion_section : Section
+            Entry of the motion list with the key `include`.
+
+        Returns
+        -------
+        list of Node
+            Entries of the motion list.
 
         Raises
         ------

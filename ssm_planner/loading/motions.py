@@ -8,6 +8,7 @@ motions of one entry.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -55,7 +56,7 @@ from ssm_planner.typing import JsonObject, Keywords, frozen
 JointValues = Annotated[
     tuple[float, float, float, float], vector_reader("angle", "angle", "angle", "length")
 ]
-"""Positions of the four joints, in rad and m after reading."""
+"""Positions of the four joints, in rad (joints 1 to 3) and m (joint 4) after reading."""
 MAX_POINTS = 200
 """Largest number of points that one motion of a problem file passes without stopping."""
 PATTERN_KEYS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
@@ -86,6 +87,16 @@ class _PointModel(_NamedModel):
         """Reject an empty point, and a point that mixes keys of different forms.
 
         The forms are task coordinates, `joints`, and `tip` with `spin`.
+
+        Parameters
+        ----------
+        data : object
+            Value in the file.
+
+        Returns
+        -------
+        object
+            The unchanged value, whose keys pydantic validates afterwards.
         """
         if not isinstance(data, dict):
             return data
@@ -114,24 +125,30 @@ class _ScanModel(Model):
     @model_validator(mode="before")
     @classmethod
     def _pattern_keys(cls, data: Any) -> Any:
-        """Reject keys that only other patterns have, and require the keys of this pattern."""
+        """Reject keys that only other patterns have, and require the keys of this pattern.
+
+        Parameters
+        ----------
+        data : object
+            Value of the key `scan` in the file.
+
+        Returns
+        -------
+        object
+            The unchanged value, whose keys pydantic validates afterwards.
+        """
         pattern = data.get("pattern") if isinstance(data, dict) else None
         if pattern not in PATTERN_KEYS:
             return data
-        for key in (
-            key
-            for pattern_name, keys in PATTERN_KEYS.items()
-            if pattern_name != pattern
-            for key in keys
-        ):
-            if key in data:
+        for key in chain.from_iterable(PATTERN_KEYS.values()):
+            if key in data and key not in PATTERN_KEYS[pattern]:
                 raise invalid_value(
                     f"not allowed for the pattern {pattern!r}",
                     f"for it: {', '.join(PATTERN_KEYS[pattern])}",
                     key,
                 )
         for key in PATTERN_KEYS[pattern]:
-            if key not in data and key != "diameters":
+            if key not in data and key != "diameters":  # diameters have a default
                 raise invalid_value(f"missing: the pattern {pattern!r} needs it", None, key)
         return data
 
@@ -147,6 +164,11 @@ def accept_keyword(reader: Reader, keyword: str, allowed: str) -> Reader:
         The word. The new reader returns it unchanged.
     allowed : str
         Description of the allowed values for messages.
+
+    Returns
+    -------
+    Reader
+        Reader that accepts the word and all values of the given reader.
     """
 
     def read(value: object) -> object:
@@ -231,6 +253,11 @@ def _motion_type(
         Additional keys, each as a pair of type and default.
     without : tuple of str
         Keys among these three that are omitted.
+
+    Returns
+    -------
+    type
+        Type for pydantic models.
     """
     keys = {"to": required_key(to, "End point."), **(extra_keys or {})}
     return nested_type(
@@ -302,6 +329,11 @@ def _straight_motions(section: Section, model: Any) -> Iterator[Motion]:
         coordinate such as `tilt`.
     model : object
         Validated value in SI units.
+
+    Yields
+    ------
+    Straight
+        Motion along a straight line in task coordinates.
     """
     name = str(section.path[-1])
     coordinate = _COORDINATE_BY_KEY.get(name)
@@ -313,7 +345,19 @@ def _straight_motions(section: Section, model: Any) -> Iterator[Motion]:
 def _free_motions(section: Section, model: Any) -> Iterator[Motion]:
     """Yield the free motion that the value of a key describes.
 
-    The parameters are those of `_straight_motions`.
+    The planner chooses the path of a free motion.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file with the value. It gives lines and keys to messages.
+    model : object
+        Validated content of the section, with values in SI units.
+
+    Yields
+    ------
+    Free
+        Motion to a point, possibly through other points.
     """
     yield Free(
         point_from(section.sub("to"), model.to),
@@ -327,7 +371,18 @@ def _free_motions(section: Section, model: Any) -> Iterator[Motion]:
 def _points_between(section: Section, model: Any) -> tuple[Point, ...]:
     """Build the points in the key `through` of a motion.
 
-    The key contains a list of points or, for an arc, a single point.
+    Parameters
+    ----------
+    section : Section
+        Part of the file with the value. It gives lines and keys to messages.
+    model : object
+        Validated content of the section. The key contains a list of points or, for an arc, a single
+        point.
+
+    Returns
+    -------
+    tuple of Point
+        Points between the start and the end of the motion.
     """
     if not isinstance(model.through, tuple):
         return (point_from(section.sub("through"), model.through),)
@@ -339,7 +394,17 @@ def _points_between(section: Section, model: Any) -> tuple[Point, ...]:
 def _curve_motions(section: Section, model: Any) -> Iterator[Motion]:
     """Yield the spline, line or arc that the value of a key describes.
 
-    The parameters are those of `_straight_motions`. The key is the name of the curve.
+    Parameters
+    ----------
+    section : Section
+        Part of the file with the value. The last key of its path is the name of the curve.
+    model : object
+        Validated content of the section, with values in SI units.
+
+    Yields
+    ------
+    Follow
+        Motion along the curve.
     """
     name: Any = section.path[-1]
     end = point_from(section.sub("to"), model.to)
@@ -351,8 +416,22 @@ def _curve_motions(section: Section, model: Any) -> Iterator[Motion]:
 def _retina_motions(section: Section, model: Any) -> Iterator[Motion]:
     """Yield the motion along the retina that the value of a key describes.
 
-    The parameters are those of `_straight_motions`. Raises ProblemError if the end point states a
-    depth, because the distance from the retina already determines it.
+    Parameters
+    ----------
+    section : Section
+        Part of the file with the value. It gives lines and keys to messages.
+    model : object
+        Validated content of the section, with values in SI units.
+
+    Yields
+    ------
+    Follow
+        Motion at a constant distance from the retina.
+
+    Raises
+    ------
+    ProblemError
+        If the end point states a depth, because the distance from the retina determines it.
     """
     if model.to.depth is not None:
         reason = "do not give depth: distance already determines it"
@@ -388,9 +467,14 @@ def _scan_motions(section: Section, model: Any) -> Iterator[Motion]:
     Parameters
     ----------
     section : Section
-        Value of the key in the problem file, for messages.
-    model : pydantic model
-        The same value with checked types.
+        Part of the file with the value, for messages.
+    model : object
+        Validated content of the section, with values in SI units.
+
+    Yields
+    ------
+    Scan
+        Motion to the spots with a pause at each of them.
 
     Raises
     ------
@@ -521,17 +605,17 @@ def motions_from(section: Section, value: Any) -> tuple[Motion, ...]:
         return tuple(MOTIONS[str(section.path[-1])].motions(section, value))
 
 
-def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
-    """Return the locations in the file of the parts of a motion.
+def key_locations(field: str, key_path: KeyPath, value: Any) -> dict[str, KeyPath]:
+    """Return the keys of a problem file that belong to the fields of a motion.
 
     The constructors of motions and problems raise errors that name a field, such as motion[2].to.
-    The locations translate it to the keys of the file.
+    The result translates this name to keys of the file.
 
     Parameters
     ----------
     field : str
         Name of the motion in errors, such as motion[2].
-    place : tuple
+    key_path : tuple
         Keys and list positions that lead to the value of the motion's key.
     value : object
         Validated value of the key.
@@ -541,15 +625,15 @@ def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
     dict of tuple
         Keys and list positions that lead to a part, by name of the part in errors.
     """
-    name = place[-1]
+    name = key_path[-1]
     keys = ("blend", "duration", "constant_speed", "distance")
-    locations = {f"{field}.{key}": (*place, key) for key in keys}
-    points: dict[str, KeyPath] = {f"{field}.to": (*place, "to")}
+    locations = {f"{field}.{key}": (*key_path, key) for key in keys}
+    points: dict[str, KeyPath] = {f"{field}.to": (*key_path, "to")}
     if name in ("free", "spline"):
         indices = range(len(value.through))
-        points |= {f"{field}.through[{k}]": (*place, "through", k) for k in indices}
+        points |= {f"{field}.through[{k}]": (*key_path, "through", k) for k in indices}
     if name == "arc":
-        points[f"{field}.through[0]"] = (*place, "through")
+        points[f"{field}.through[0]"] = (*key_path, "through")
     for point, location in points.items():
         locations |= {
             f"{point}.values": (*location, "joints"),
@@ -557,10 +641,10 @@ def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
             point: location,
         }
     if name == "scan" and value.pattern == "ring":
-        locations[f"{field}.diameters"] = (*place, "diameter")
+        locations[f"{field}.diameters"] = (*key_path, "diameter")
     if name in _COORDINATE_BY_KEY:
-        locations[f"{field}.{_COORDINATE_BY_KEY[str(name)]}"] = (*place, "to")
-    locations[field] = (*place, "to") if name == "straight" else place
+        locations[f"{field}.{_COORDINATE_BY_KEY[str(name)]}"] = (*key_path, "to")
+    locations[field] = (*key_path, "to") if name == "straight" else key_path
     return locations
 
 
@@ -574,6 +658,11 @@ def stated_coordinates(model: Any) -> dict[str, float]:
     ----------
     model : object
         The validated section, with an attribute for each task coordinate.
+
+    Returns
+    -------
+    dict of float
+        Coordinates (rad, m) or rates (rad/s, m/s) by name.
     """
     return {
         name: value
@@ -591,6 +680,11 @@ def point_from(section: Section, model: Any) -> Point:
         Part of the file that describes the point.
     model : object
         The validated section.
+
+    Returns
+    -------
+    Task, Joints or Tip
+        Point in task coordinates, joint positions, or tip position and spin.
 
     Raises
     ------

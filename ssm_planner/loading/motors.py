@@ -38,9 +38,14 @@ def _comparison_figure(quantity_kind: str, description: str) -> Any:
     Parameters
     ----------
     quantity_kind : str
-        Kind of quantity, a key of units.QUANTITY_KINDS.
+        Kind of quantity, a key of units.QUANTITY_KINDS such as "torque".
     description : str
         Meaning of the figure.
+
+    Returns
+    -------
+    tuple
+        Type and default of the key, as pydantic expects them.
     """
     hint = Annotated[Figure, sourced_reader(quantity_reader(quantity_kind, POSITIVE))]
     return optional_key(hint, f"{description}, only to check other figures.")
@@ -85,9 +90,22 @@ product, and `expected`, which is the value of the figure for a product of 1. Bo
 
 
 def motor_from(section: Section) -> Motor:
-    """Build the motor that a section describes.
+    """Build the motor that a section of a file describes.
 
-    Raises ProblemError if a value is invalid, implausible or without a source.
+    Parameters
+    ----------
+    section : Section
+        Content of a motor file, or the part of a robot file that contains the motor.
+
+    Returns
+    -------
+    Motor
+        The motor with the source of each figure.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid, implausible or without a source.
     """
     model: Any = validate_section(section, MotorModel)
     sourced = model.sourced_figures()
@@ -110,9 +128,9 @@ def motor_from(section: Section) -> Motor:
 
 
 def _check_figures(section: Section, values: Mapping[str, float]) -> None:
-    """Raise ProblemError for the first rule that the figures of a motor violate.
+    """Raise ProblemError if the figures of a motor violate a plausibility rule.
 
-    Rules whose figures are not all stated are ignored.
+    The rules are in the file motors.csv. A rule is ignored unless all its figures are stated.
 
     Parameters
     ----------
@@ -121,12 +139,13 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
     values : mapping of float
         Stated figures in SI units by key.
     """
+    # The rules are products, so the sums and differences that occur in them are computed here.
     figures = defaultdict(lambda: math.nan, values)
     voltage, resistance = figures["nominal_voltage"], figures["terminal_resistance"]
-    current, idle = figures["nominal_current"], figures["no_load_current"]
-    figures["loaded_current"] = current - idle
+    current, no_load_current = figures["nominal_current"], figures["no_load_current"]
+    figures["loaded_current"] = current - no_load_current
     figures["loaded_voltage"] = voltage - resistance * current
-    figures["idle_voltage"] = voltage - resistance * idle
+    figures["idle_voltage"] = voltage - resistance * no_load_current
     figures["thermal_resistance"] = (
         figures["resistance_winding_housing"] + figures["resistance_housing_ambient"]
     )
@@ -154,17 +173,18 @@ def check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[st
         Figures in SI units by key. NaN stands for a figure that is not stated, so that its rules
         are not violated.
     rule : sequence of str
-        One row of the table of rules, such as `PLAUSIBILITY_RULES`: the figure that the message
-        names, the product (for example "nominal_voltage torque_constant^-1"), its lower and upper
-        limit, a scale for the message, and the description of a violation.
+        Row of a table of rules: the figure that the message names, the product (for example
+        "nominal_voltage torque_constant^-1"), its lower and upper limit, a scale for the message,
+        and the description of a violation.
     """
     figure, product_text, *numbers, fault = rule
     factors = (factor.partition("^") for factor in product_text.split())
     powers = {name: int(power or 1) for name, _, power in factors}
     product = math.prod(figures[name] ** power for name, power in powers.items())
     low, high, scale = map(float, numbers)
-    if not (product < low or product > high):
+    if not (product < low or product > high):  # also if the product is NaN
         return
+    # Values of the figure for which the product is 1, `low` and `high`.
     expected, *ends = (
         figures[figure] * (end / product) ** (1 / powers.get(figure, 1)) for end in (1.0, low, high)
     )

@@ -81,7 +81,7 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
 
 
 def _identify_columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
-    """Return the index of the column and the factor to SI units for each coordinate.
+    """Determine which columns of a table contain the coordinates of its points.
 
     The coordinates are joint positions, task coordinates, or tip position and spin.
 
@@ -94,6 +94,11 @@ def _identify_columns(line: int, names: list[str], file: Path) -> Mapping[str, t
     file : Path
         The table, for messages.
 
+    Returns
+    -------
+    mapping of (int, float)
+        Index of the column and factor to SI units, by coordinate such as "q1" or "tilt".
+
     Raises
     ------
     ProblemError
@@ -101,11 +106,13 @@ def _identify_columns(line: int, names: list[str], file: Path) -> Mapping[str, t
     """
 
     def refused(reason: str, key: str | None = None, allowed: str = COLUMN_FORMS) -> ProblemError:
+        """Build an error with the line of the headings. `key` is the faulty heading."""
         return ProblemError(reason, file=file, line=line, key=key, allowed=allowed)
 
     columns: dict[str, tuple[int, float]] = {}
     for column, name in enumerate(names):
         label, unit = split_heading(name)
+        # Prefixes are removed: "task_tilt" becomes "tilt", and "joint_1" and "joint1" become "q1".
         label = re.sub(
             r"^(task|tip|joint)[_ ]",
             lambda match: "q" if match[1] == "joint" else "",
@@ -181,7 +188,7 @@ def _row_values(
 
 
 def _build_point(values: Mapping[str, float], line: int) -> Point:
-    """Build the point with these coordinates.
+    """Build a point from the coordinates in a row of a table.
 
     Parameters
     ----------
@@ -189,6 +196,11 @@ def _build_point(values: Mapping[str, float], line: int) -> Point:
         Coordinates in SI units by name of the column.
     line : int
         Line of the point in the table.
+
+    Returns
+    -------
+    Joints, Tip or Task
+        Point in joint positions, tip position and spin, or task coordinates.
     """
     if "q1" in values:
         return Joints((values["q1"], values["q2"], values["q3"], values["q4"]), line)

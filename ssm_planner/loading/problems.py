@@ -80,7 +80,7 @@ AXIS_TOLERANCE = math.radians(0.5)
 
 
 def _rate_type(name: str, bound: Bound = UNBOUNDED) -> Any:
-    """Return the type of the rate of a task coordinate.
+    """Return the type of a key whose value is the rate of a task coordinate.
 
     Parameters
     ----------
@@ -95,9 +95,19 @@ def _rate_type(name: str, bound: Bound = UNBOUNDED) -> Any:
 
 
 def _tool_limit_type(limit_type: type[ToolLimit]) -> Any:
-    """Return the type of the bound of a limit on the tool, which must be positive.
+    """Return the type of a key whose value is the positive bound of a limit on the tool.
 
-    The unit of the limit determines the kind of quantity.
+    The kind of quantity follows from the unit of the limit.
+
+    Parameters
+    ----------
+    limit_type : type
+        Class of the limit, such as the limit on the tip speed.
+
+    Returns
+    -------
+    type
+        Type for pydantic models.
     """
     (kind_name, *_) = (
         name for name, candidate in QUANTITY_KINDS.items() if candidate.unit == limit_type.unit
@@ -183,6 +193,11 @@ def problem_model(motion_keys: tuple[str, ...]) -> Any:
     ----------
     motion_keys : tuple of str
         Keys of motions that the file may contain, which are names in `MOTIONS`.
+
+    Returns
+    -------
+    type
+        Pydantic model with a field for each key of the file.
     """
     keys = {
         "name": optional_key(Text, "Name. The default is the file's name without its suffix."),
@@ -231,7 +246,20 @@ def _motion_keys(section: Section) -> tuple[str, ...]:
 def problem_from(section: Section) -> Problem:
     """Build the problem that a section describes, with its robot.
 
-    Raises ProblemError, which names the file, the line and the key, if a value is invalid.
+    Parameters
+    ----------
+    section : Section
+        Content of a problem file.
+
+    Returns
+    -------
+    Problem
+        The problem.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid. The error names the file, the line and the key.
     """
     section = expand_abbreviations(section)
     if "geometry" in section.value:
@@ -293,6 +321,11 @@ def _robot_from(section: Section, model: Any) -> Robot:
     model : object
         The validated section.
 
+    Returns
+    -------
+    Robot
+        The robot of the problem.
+
     Raises
     ------
     ProblemError
@@ -319,11 +352,13 @@ def _robot_from(section: Section, model: Any) -> Robot:
             raise section.error(
                 f"names {preset}, an angle of the robot", "mounting", allowed="angles"
             )
+        # Gravity in the base frame of the robot that is mounted in another pose.
         turn = chain_rotation(tuple((axis, float(angle)) for axis, angle in model.mounting))
         gravity = read_only_array(turn.T @ gravity, (3,))
     robot = replace(robot, joints=tuple(joints), gravity=gravity)
     if not model.tip_payload:
         return robot
+    # Most problems do not need the dynamics of rigid bodies, which take time to import.
     from ssm_planner.dynamics import with_payload
 
     return with_payload(robot, model.tip_payload)
@@ -335,7 +370,18 @@ def _nonzero_rates(model: Any) -> dict[str, float]:
 
 
 def _rate_and_tool_limits(model: Any) -> Iterable[Limit]:
-    """Yield the limits of a problem file on the rates of task coordinates and on the tool."""
+    """Yield the limits of a problem file on the rates of task coordinates and on the tool.
+
+    Parameters
+    ----------
+    model : object
+        Validated content of the key `limits`.
+
+    Yields
+    ------
+    Limit
+        Limit in SI units.
+    """
     for name in TASK_COORDINATES:
         if (bound := getattr(model, TaskRate.field_of(name))) is not None:
             yield TaskRate(name, bound)
@@ -354,6 +400,11 @@ def _eye_from(section: Section, model: Any) -> Eye:
     model : object
         The validated section.
 
+    Returns
+    -------
+    Eye
+        The eye with its lens.
+
     Raises
     ------
     ProblemError
@@ -371,7 +422,7 @@ def _eye_from(section: Section, model: Any) -> Eye:
 
 
 def _lens_frame(section: Section, model: Any) -> Array:
-    """Return the rotation matrix (3, 3) whose columns are the directions of the lens's semi-axes.
+    """Return the rotation matrix whose columns are the directions of the semi-axes of the lens.
 
     The file states the direction of the third semi-axis, and that of the first one if the first two
     semi-axes differ.
@@ -382,6 +433,11 @@ def _lens_frame(section: Section, model: Any) -> Array:
         Part of the file that describes the lens.
     model : object
         The validated section.
+
+    Returns
+    -------
+    (3, 3) array
+        Rotation matrix from the frame of the lens to the base frame.
 
     Raises
     ------
@@ -408,7 +464,8 @@ def _lens_frame(section: Section, model: Any) -> Array:
                 "first_axis",
                 allowed=allowed,
             )
-        # the direction is arbitrary, so the base axis farthest from the third one is used
+        # The direction is arbitrary. The base axis that deviates most from the third semi-axis
+        # gives the most accurate result.
         axis = np.eye(3)[int(np.argmin(np.abs(third)))]
     else:
         axis = direction("first_axis")
@@ -417,6 +474,7 @@ def _lens_frame(section: Section, model: Any) -> Array:
             raise section.error(
                 f"at {angle:.4g} deg to axis", "first_axis", allowed="a right angle, within 0.5 deg"
             )
+    # Make the first axis perpendicular to the third one.
     axis = axis - third * float(axis @ third)
     axis /= np.linalg.norm(axis)
     return np.column_stack((axis, np.cross(third, axis), third))

@@ -64,6 +64,11 @@ ANGLE_NAMES = ("alpha", "home_tilt", "home_roll")
 def _parse_rotations(value: object) -> tuple[tuple[str, float | str], ...]:
     """Read a chain of rotations, such as [x 90 deg, y alpha].
 
+    Parameters
+    ----------
+    value : object
+        Value in the file, which should be a list of texts.
+
     Returns
     -------
     tuple of pairs
@@ -302,7 +307,20 @@ LARGEST_GYRATION = 1.0
 def robot_from(section: Section) -> Robot:
     """Build the robot that a section describes, with its drives and motors.
 
-    Raises ProblemError, which names the file, the line and the key, if a value is invalid.
+    Parameters
+    ----------
+    section : Section
+        Content of a robot file, or the part of a problem file that contains the robot.
+
+    Returns
+    -------
+    Robot
+        The robot.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid. The error names the file, the line and the key.
     """
     model: Any = validate_section(section, RobotModel)
     omegas = _joint_axes(section.sub("geometry"), model.geometry)
@@ -349,6 +367,11 @@ def _joint_from(section: Section, name: str, model: Any) -> Joint:
     model : object
         The validated section.
 
+    Returns
+    -------
+    Joint
+        The joint.
+
     Raises
     ------
     ProblemError
@@ -369,16 +392,22 @@ def _joint_from(section: Section, name: str, model: Any) -> Joint:
 def _frame_from(
     section: Section, chain: tuple[tuple[str, float | str], ...], geometry: GeometryModel
 ) -> Array:
-    """Return the rotation matrix (3, 3) of a chain that may name angles of the geometry.
+    """Return the rotation matrix of a chain of rotations that may name angles of the geometry.
 
     Parameters
     ----------
     section : Section
         Part of the file with the chain, for messages.
-    chain : tuple
-        Axis and angle of each rotation, see `_parse_rotations`.
+    chain : tuple of pairs
+        Axis x, y or z, and angle of each rotation. The angle is a number in rad, or the name of an
+        angle of the geometry, possibly with a minus sign.
     geometry : GeometryModel
         Geometry that states the named angles.
+
+    Returns
+    -------
+    (3, 3) array
+        Rotation matrix.
 
     Raises
     ------
@@ -402,16 +431,22 @@ def _frame_from(
 
 
 def chain_rotation(chain: tuple[tuple[str, float], ...]) -> Array:
-    """Return the product (3, 3) of rotations about coordinate axes.
+    """Return the product of rotations about coordinate axes.
 
     Parameters
     ----------
     chain : tuple of pairs
         Letter of the axis (x, y or z) and angle (rad) of each rotation. The axis belongs to the
         frame that the previous rotations have turned.
+
+    Returns
+    -------
+    (3, 3) array
+        Rotation matrix.
     """
     result = np.eye(3)
     for axis, angle in chain:
+        # The rotation about the axis i turns the axis j towards the axis k.
         i = "xyz".index(axis)
         j = (i + 1) % 3
         k = (i + 2) % 3
@@ -474,6 +509,11 @@ def _geometry_from(
     last_frame : (3, 3)
         Rotation from the frame of the last body to the base frame at q = 0, which is the default of
         the tool frame.
+
+    Returns
+    -------
+    Geometry
+        The geometry.
     """
     locations: dict[str, tuple[str, ...]] = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
     if model.axes is None:
@@ -527,10 +567,10 @@ def _axes_from_angles(section: Section, model: GeometryModel) -> list[Array]:
 
 
 def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float) -> float:
-    """Return the roll at q = 0 that the file states, or the roll that the angle beta requires.
+    """Return the roll of the tool at q = 0.
 
-    The default is 0. The angles satisfy cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h, where φ_h is
-    home_tilt and ψ_h is home_roll.
+    The roll is the key home_roll or, without this key, the roll that the key beta requires. If the
+    file states neither key, the roll is 0.
 
     Parameters
     ----------
@@ -541,30 +581,42 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
     alpha, tilt : float
         Angles alpha and home_tilt, rad.
 
+    Returns
+    -------
+    float
+        Roll, rad.
+
     Raises
     ------
     ProblemError
         If the stated angles contradict each other, or if no roll gives the stated beta.
+
+    Notes
+    -----
+    The angles satisfy cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h, where α is the angle between
+    axes 1 and 2, β is the angle between axes 2 and 3, φ_h is home_tilt, and ψ_h is home_roll.
     """
 
     def angle(cosine: float) -> float:
+        """Return the angle with a cosine, which rounding may have moved beyond ±1, rad."""
         return math.acos(max(-1.0, min(1.0, cosine)))
 
     roll = model.home_roll or 0.0
-    axial = math.cos(alpha) * math.cos(tilt)
-    across = math.sin(alpha) * math.sin(tilt)
-    beta = angle(axial + across * math.sin(roll))
+    # cos β = constant + amplitude · sin ψ_h
+    constant = math.cos(alpha) * math.cos(tilt)
+    amplitude = math.sin(alpha) * math.sin(tilt)
+    beta = angle(constant + amplitude * math.sin(roll))
     if model.beta is None or abs(model.beta - beta) <= BETA_TOLERANCE:
         return roll
     if model.home_roll is not None:
         reason = f"alpha, home_tilt and home_roll give {math.degrees(beta):.4f} deg"
         raise section.error(reason, "beta", allowed="within 0.5 deg of it")
-    target = math.cos(model.beta) - axial
-    if abs(target) > abs(across):
-        low, high = (math.degrees(angle(axial + sign * abs(across))) for sign in (1, -1))
+    difference = math.cos(model.beta) - constant
+    if abs(difference) > abs(amplitude):
+        low, high = (math.degrees(angle(constant + sign * abs(amplitude))) for sign in (1, -1))
         reason = "no home_roll gives this beta together with alpha and home_tilt"
         raise section.error(reason, "beta", allowed=f"{low:.4g} to {high:.4g} deg")
-    return math.asin(target / across)
+    return math.asin(difference / amplitude)
 
 
 @record
@@ -606,6 +658,11 @@ def _body_from(section: Section, model: Any, placement: _BodyPlacement) -> Body:
     placement : _BodyPlacement
         Position of the body in the robot.
 
+    Returns
+    -------
+    Body
+        The body.
+
     Raises
     ------
     ProblemError
@@ -633,6 +690,13 @@ def _check_gyration(section: Section, body: Body) -> Body:
     The radius of gyration of a link is at most `LARGEST_GYRATION`. A larger one suggests wrong
     units of mass or inertia.
 
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the body, for messages.
+    body : Body
+        The body.
+
     Returns
     -------
     Body
@@ -654,8 +718,25 @@ def _check_gyration(section: Section, body: Body) -> Body:
 def _body_from_parts(section: Section, model: Any, placement: _BodyPlacement) -> Body:
     """Build a body whose mass and inertia are the sums over its parts.
 
-    The parameters are those of `_body_from`. Raises ProblemError if a value is invalid, or if the
-    file also states the mass, the centre of mass or the inertia.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the body.
+    model : object
+        Validated content of the section, with values in SI units.
+    placement : _BodyPlacement
+        Position of the body in the robot.
+
+    Returns
+    -------
+    Body
+        The body.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid, or if the file also states the mass, the centre of mass or the
+        inertia.
     """
     for key in ("mass", "com", "inertia", "products_of_inertia"):
         if section.has_key(key):
@@ -675,7 +756,7 @@ def _body_from_parts(section: Section, model: Any, placement: _BodyPlacement) ->
 
 
 def _solid_moments(section: Section, model: Any, placement: _BodyPlacement) -> shapes.MassMoments:
-    """Compute the mass and its first and second moments of a part in the frame of the body.
+    """Compute the mass of a part of a body, and the first and second moments of this mass.
 
     Parameters
     ----------
@@ -715,6 +796,7 @@ def _solid_moments(section: Section, model: Any, placement: _BodyPlacement) -> s
         )
     if model.frame == "next" and is_last:
         raise section.error("the last body has no next frame", "frame", allowed="own")
+    # Rotation from the frame of the coordinates in the file to the frame of the body.
     turn = (
         np.eye(3)
         if model.frame == "own"
@@ -771,10 +853,22 @@ def _part_mass(section: Section, model: Any, joints: Sequence[Joint]) -> float:
 
 
 def _inertia_tensor(section: Section, model: Any) -> Array:
-    """Return the inertia tensor (3, 3) about the origin of the body frame, kg·m².
+    """Return the inertia tensor of a body in the sign convention of this package.
 
-    Its products of inertia are −∫xy dm. The file may state them with the opposite sign, as CAD
+    The products of inertia are −∫xy dm. The file may state them with the opposite sign, as CAD
     programs do.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the body, for messages.
+    model : object
+        Validated content of the section.
+
+    Returns
+    -------
+    (3, 3) array
+        Inertia about the origin of the body frame, kg·m².
 
     Raises
     ------
@@ -821,9 +915,9 @@ def _sign_hint(model: Any, tensor: Array) -> str:
         return ""
     other_convention = "tensor" if convention == "cad" else "cad"
     hint = f"; the usual cause is the sign of the products of inertia (now {convention})"
-    flipped = principal_moments(
-        model.mass, read_only_array(model.com, (3,)), 2 * np.diag(np.diag(tensor)) - tensor
-    )
+    # This difference has the opposite sign outside the diagonal.
+    flipped_tensor = 2 * np.diag(np.diag(tensor)) - tensor
+    flipped = principal_moments(model.mass, read_only_array(model.com, (3,)), flipped_tensor)
     if is_possible_inertia(flipped):
         moments_text = ", ".join(f"{moment:.4g}" for moment in flipped)
         return f"{hint}, and {other_convention} gives possible moments, ({moments_text}) kg*m^2"

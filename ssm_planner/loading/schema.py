@@ -78,7 +78,18 @@ class Model(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
-        """Reject data that are not a mapping, and unknown keys."""
+        """Reject data that are not a mapping, and unknown keys.
+
+        Parameters
+        ----------
+        data : object
+            Value in the file.
+
+        Returns
+        -------
+        object
+            The unchanged value, whose keys pydantic validates afterwards.
+        """
         if not isinstance(data, dict):
             raise invalid_value(
                 f"{units.describe(data)} instead of a mapping",
@@ -97,14 +108,14 @@ class Model(BaseModel):
         own_texts = {
             name: info.description for name, info in cls.model_fields.items() if info.description
         }
-        of_value = {
+        value_texts = {
             name: text
             for value_type in cls.value_types
             for name, text in field_descriptions(value_type).items()
         }
         return {
             name: SI_UNIT_AT_END.sub("", re.sub(r",? ?\(3,\)", "", text))
-            for name, text in {**of_value, **field_descriptions(cls), **own_texts}.items()
+            for name, text in {**value_texts, **field_descriptions(cls), **own_texts}.items()
         }
 
     @classmethod
@@ -167,6 +178,11 @@ def invalid_value(
         Description of the allowed values.
     key : str, optional
         Key of the wrong entry within the value that is validated.
+
+    Returns
+    -------
+    PydanticCustomError
+        Error that the caller raises.
     """
     return PydanticCustomError(
         "problem", "see the context", {"reason": reason, "allowed": allowed, "key": key}
@@ -233,14 +249,20 @@ def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = Fa
     Parameters
     ----------
     unit_kind : str
-        Kind of quantity, a key of units.QUANTITY_KINDS.
+        Kind of quantity, a key of units.QUANTITY_KINDS such as "torque".
     bound : Bound
         Bounds of the value in SI units.
     integer : bool
         True if the value must be an integer.
+
+    Returns
+    -------
+    Reader
+        Reader that converts the quantity and checks its bounds.
     """
 
     def read(value: object) -> float:
+        """Convert a value of the file to SI units. Raise BadQuantity if it is invalid."""
         result = units.parse_quantity(value, unit_kind)
         if fault := bound.violation(result):
             raise units.BadQuantity(
@@ -256,17 +278,23 @@ def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = Fa
 
 
 def positive_type(unit_kind: str) -> Any:
-    """Return the type of a key of a model whose value is a quantity above zero.
+    """Return the type of a key whose value is a quantity above zero.
 
-    `unit_kind` is the kind of quantity, a key of units.QUANTITY_KINDS.
+    Parameters
+    ----------
+    unit_kind : str
+        Kind of quantity, a key of units.QUANTITY_KINDS such as "torque".
     """
     return Annotated[Any, quantity_reader(unit_kind, POSITIVE)]
 
 
 def interval_reader(unit_kind: str) -> Reader:
-    """Build the reader of an interval `[lower, upper]`.
+    """Build the reader of an interval, which a file states as [lower, upper].
 
-    `unit_kind` is a key of units.QUANTITY_KINDS.
+    Parameters
+    ----------
+    unit_kind : str
+        Kind of quantity of both bounds, a key of units.QUANTITY_KINDS such as "torque".
     """
     schema = {"type": "array", "items": _quantity_schema(unit_kind), "minItems": 2, "maxItems": 2}
     return Reader(
@@ -277,7 +305,15 @@ def interval_reader(unit_kind: str) -> Reader:
 def vector_reader(*kinds: str) -> Reader:
     """Build the reader of a vector such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`.
 
-    `kinds` contains the kind of quantity of each component.
+    Parameters
+    ----------
+    *kinds : str
+        Kind of quantity of each component, a key of units.QUANTITY_KINDS such as "length".
+
+    Returns
+    -------
+    Reader
+        Reader that converts the components to SI units.
     """
     items = {
         "type": "array",
@@ -303,9 +339,15 @@ def sourced_reader(field: Reader) -> Reader:
     ----------
     field : Reader
         Reader of the quantity.
+
+    Returns
+    -------
+    Reader
+        The extended reader.
     """
 
     def read(value: object) -> Figure:
+        """Convert a quantity, or a mapping with a quantity and its source, to a Figure."""
         if not isinstance(value, dict):
             return Figure(field.read(value))
         check_keys(value, ["value", "source", "placeholder"])
@@ -511,7 +553,7 @@ def _read_boolean(value: object, key: str | None = None) -> bool:
 
 
 def _read_axis(value: object) -> tuple[float, ...]:
-    """Read a list of three numbers."""
+    """Read a direction, which is a list of three numbers."""
     if not isinstance(value, list) or len(value) != 3:
         raise invalid_value("invalid axis", "three numbers such as [1, 0, 0]")
     return tuple(units.parse_number(item) for item in value)
@@ -555,6 +597,11 @@ def _with_pydantic_errors(
         Function that converts a value of the file.
     key : str, optional
         Key of the wrong entry within the value, for messages.
+
+    Returns
+    -------
+    callable
+        The converted reader.
     """
 
     def read(value: Any) -> Any:
@@ -567,7 +614,13 @@ def _with_pydantic_errors(
 
 
 def _quantity_schema(unit_kind: str) -> JsonObject:
-    """Return the JSON schema of a quantity: a number, or a text with an example of its unit."""
+    """Return the JSON schema of a quantity: a number, or a text with an example of its unit.
+
+    Parameters
+    ----------
+    unit_kind : str
+        Kind of quantity, a key of units.QUANTITY_KINDS such as "torque".
+    """
     if unit_kind == "number":
         return {"type": "number"}
     return {
@@ -601,6 +654,11 @@ def describe_keys(model: Any, path: str = "") -> Iterator[Key]:
         Model of a file.
     path : str
         Beginning of each path, such as "joints.".
+
+    Yields
+    ------
+    Key
+        Path, unit, allowed values, default and description of a key.
     """
     texts = model.key_descriptions()
     for name, info in model.model_fields.items():
@@ -640,7 +698,18 @@ def reader_of_key(info: Any) -> Reader:
 def _nested_hints(hint: Any) -> Iterator[Any]:
     """Yield a type, and then all types that it contains at any depth.
 
-    The values of a Literal are not yielded. An annotation `Nested` is replaced by its model.
+    For example, list[int] yields list[int] and int.
+
+    Parameters
+    ----------
+    hint : type or tuple
+        Annotated type, or a tuple of such types. The values of a Literal are not yielded, and an
+        annotation `Nested` is replaced by its model.
+
+    Yields
+    ------
+    type or annotation
+        The type itself, and then its parts.
     """
     yield hint.model if isinstance(hint, Nested) else hint
     for inner in (
@@ -690,7 +759,7 @@ def validate_section(section: Section, model: type[M]) -> M:
 def locate_errors(
     section: Section, locations: Mapping[str, tuple[str | int, ...]] | None = None
 ) -> Iterator[None]:
-    """Add file and line to errors of the constructors that are called within a `with` statement.
+    """Add file and line to the errors of constructors that are called within a `with` statement.
 
     A constructor knows the name of the invalid field. This context manager finds the key of the
     file that belongs to the field. Errors that already name a file are raised unchanged.
@@ -726,6 +795,11 @@ def _to_problem_error(section: Section, details: Any) -> ProblemError:
         Part of the file that was validated.
     details : dict
         Entry of `ValidationError.errors()`.
+
+    Returns
+    -------
+    ProblemError
+        The error with a message for the user.
     """
     context = details.get("ctx", {})
     path: tuple[str | int, ...] = ()

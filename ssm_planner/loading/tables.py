@@ -24,7 +24,7 @@ THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}(?![\deE])")
 
 
 def table_rows(file: Path, decimal_commas: bool = False) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line number and the cells of each row of a table. The headings are the first row.
+    """Yield the line number and the cells of each row of a table, beginning with its headings.
 
     The separator is the one that occurs most often in the headings. Rows of empty cells and lines
     that begin with # are skipped. Cells may be quoted. Spaces at the ends of a cell are removed.
@@ -35,6 +35,13 @@ def table_rows(file: Path, decimal_commas: bool = False) -> Iterator[tuple[int, 
         Table to read.
     decimal_commas : bool
         True to allow numbers with decimal commas in tables with semicolons or tabs.
+
+    Yields
+    ------
+    line : int
+        Number of the last line of the row, from 1.
+    cells : list of str
+        Texts of the cells.
 
     Raises
     ------
@@ -84,15 +91,16 @@ def replace_decimal_commas(
     """
     headings = rows[0][1]
     numbers = [
-        (line, cells, k, match)
+        (line, cells, k, match[1])
         for line, cells in rows[1:]
         for k, heading in enumerate(headings)
         if heading not in texts and (match := LEADING_NUMBER.match(cells[k]))
     ]
-    commas = [item for item in numbers if item[3][1] == ","]
-    is_certain = any(not THOUSANDS.match(cells[k]) for _, cells, k, _ in commas)
-    for line, cells, k, match in numbers if commas else ():
-        if match[1] == "." or not is_certain:
+    commas = [(cells, k) for _, cells, k, sign in numbers if sign == ","]
+    # A comma surely separates decimals if it cannot separate thousands.
+    is_certain = any(not THOUSANDS.match(cells[k]) for cells, k in commas)
+    for line, cells, k, sign in numbers if commas else ():
+        if sign == "." or not is_certain:
             raise ProblemError(
                 "commas and points may separate decimals or thousands",
                 file=file,
@@ -110,7 +118,7 @@ def _check_row(cells: list[str], headings: list[str], separator: str, commas: bo
     Parameters
     ----------
     cells, headings : lists of str
-        Texts of the row and of the headings.
+        Texts of the cells of the row, and of the headings.
     separator : str
         Character between the columns.
     commas : bool

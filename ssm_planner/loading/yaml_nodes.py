@@ -68,7 +68,7 @@ def parse_yaml(
     trailing: bool = False,
     tree: bool = True,
 ) -> Node:
-    """Parse a YAML text that contains a single document, and return its root.
+    """Parse a YAML text that contains a single document, and build its tree.
 
     Parameters
     ----------
@@ -82,6 +82,11 @@ def parse_yaml(
         True to allow empty documents at the end, as `ros2 topic echo` writes them.
     tree : bool
         False to omit the nodes below the root. Long files then need a third of the memory.
+
+    Returns
+    -------
+    Node
+        Root of the tree.
 
     Raises
     ------
@@ -121,6 +126,19 @@ class _TreeBuilder:
     def __init__(
         self, file: Path | None, events: Iterator[Any], max_nodes: int, tree: bool
     ) -> None:
+        """Store the events and the limits of the tree.
+
+        Parameters
+        ----------
+        file : Path or None
+            File for messages.
+        events : iterator of yaml.Event
+            Events of the parser, from the start of the stream.
+        max_nodes : int
+            Largest number of values after expansion of aliases.
+        tree : bool
+            False to omit the nodes below the root.
+        """
         self.file = file
         self.largest = max_nodes
         self.tree = tree
@@ -128,10 +146,22 @@ class _TreeBuilder:
         self.anchors: dict[str, Node] = {}
 
     def document(self, trailing: bool) -> Node:
-        """Build the tree of the only document.
+        """Build the tree of the only document of the text.
 
-        Empty documents at the end are allowed if `trailing` is true. Raises ProblemError if there
-        are several documents or none.
+        Parameters
+        ----------
+        trailing : bool
+            True to allow empty documents at the end.
+
+        Returns
+        -------
+        Node
+            Root of the tree.
+
+        Raises
+        ------
+        ProblemError
+            If there are several documents, or no document.
         """
         next(self.events)  # start of the stream
         event = next(self.events)
@@ -157,6 +187,11 @@ class _TreeBuilder:
             First event of the node.
         depth : int
             Number of levels above the node.
+
+        Returns
+        -------
+        Node
+            The node with all nodes below it.
 
         Raises
         ------
@@ -186,7 +221,20 @@ class _TreeBuilder:
         return node
 
     def sequence(self, start: Any, depth: int) -> Node:
-        """Build the node of a list. `start` is the event at its beginning."""
+        """Build the node of a list.
+
+        Parameters
+        ----------
+        start : yaml.SequenceStartEvent
+            Event at the beginning of the list.
+        depth : int
+            Number of levels above the list.
+
+        Returns
+        -------
+        Node
+            The node with all nodes below it.
+        """
         values: list[Any] = []
         size = 1
         children: dict[str | int, Node] = {}
@@ -205,7 +253,25 @@ class _TreeBuilder:
         )
 
     def mapping(self, start: Any, depth: int) -> Node:
-        """Build the node of a mapping. `start` is the event at its beginning."""
+        """Build the node of a mapping.
+
+        Parameters
+        ----------
+        start : yaml.MappingStartEvent
+            Event at the beginning of the mapping.
+        depth : int
+            Number of levels above the mapping.
+
+        Returns
+        -------
+        Node
+            The node with all nodes below it.
+
+        Raises
+        ------
+        ProblemError
+            If a key occurs twice, or if it is not a plain word.
+        """
         children: dict[str | int, Node] = {}
         key_lines: dict[str | int, int] = {}
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
@@ -234,9 +300,19 @@ class _TreeBuilder:
 
 
 def _parse_scalar(event: Any) -> object:
-    """Convert a scalar to a number, a boolean, None or a text by the rules of YAML 1.2.
+    """Convert a scalar to a Python value by the rules of YAML 1.2.
 
     For example, `1e-5` is a number, and `yes`, `no`, `on`, `off` and `1:30` are texts.
+
+    Parameters
+    ----------
+    event : yaml.ScalarEvent
+        Event of the parser with the text of the scalar.
+
+    Returns
+    -------
+    int, float, bool, str or None
+        The value. A quoted scalar is always a text.
     """
     text: str = event.value
     if event.style or event.tag == "tag:yaml.org,2002:str":
@@ -323,6 +399,11 @@ class Section:
     def _locate(self, path: tuple[str | int, ...]) -> tuple[int | None, Node, bool]:
         """Find the node at a path below this section.
 
+        Parameters
+        ----------
+        path : tuple of str and int
+            Keys and list positions.
+
         Returns
         -------
         line : int or None
@@ -365,6 +446,11 @@ def node_from_data(data: Any, depth: int = 0, line: int | None = None) -> Node:
         Number of levels above the data.
     line : int, optional
         Line that all values get. The default is None.
+
+    Returns
+    -------
+    Node
+        Root of the tree.
 
     Raises
     ------

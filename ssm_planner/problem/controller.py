@@ -142,8 +142,16 @@ class Controller(Value):
             )
 
     def axis(self, joint: str) -> AxisController:
-        """Return the settings of the position loop of a joint, given its name.
+        """Return the settings of the position loop of a joint.
 
-        A joint without settings has the default settings of `AxisController`.
+        Parameters
+        ----------
+        joint : str
+            Name of the joint.
+
+        Returns
+        -------
+        AxisController
+            The settings. A joint without settings has the default settings.
         """
         return self.joints.get(joint, AxisController())

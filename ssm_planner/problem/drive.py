@@ -79,7 +79,7 @@ class Rig(Value):
 
     @property
     def F_payload(self) -> float:
-        """Part of the output effort F due to the weight of the payload, N·m (worm) or N (screw).
+        """Output effort that is due to the weight of the payload, N·m (worm) or N (screw).
 
         Positive values oppose positive motion.
         """
@@ -89,7 +89,7 @@ class Rig(Value):
 
     @property
     def load(self) -> float:
-        """Constant output effort of payload and load_offset, N·m or N."""
+        """Constant output effort due to the payload and `load_offset`, N·m (worm) or N (screw)."""
         return self.F_payload + self.load_offset
 
     @property
@@ -272,12 +272,12 @@ class Gearhead(Value):
 
     @property
     def forwards(self) -> float:
-        """Input torque per output torque while the motor drives."""
+        """Ratio of input torque to output torque while the motor drives."""
         return 1.0 / (self.ratio * self.efficiency)
 
     @property
     def backwards(self) -> float:
-        """Input torque per output torque while the load drives."""
+        """Ratio of input torque to output torque while the load drives."""
         backward = self.backward_efficiency
         return (self.efficiency if backward is None else backward) / self.ratio
 
@@ -358,17 +358,21 @@ class Drive(Value):
 
     @property
     def lead_slope(self) -> float:
-        """Tangent of the lead angle, tan λ."""
+        """Tangent of the lead angle λ."""
         return math.tan(self.lead_angle)
 
     @property
     def wedging(self) -> float:
-        """Tangent of the friction angle per μ, 1 / cos θ_n."""
+        """Ratio of the tangent of the friction angle to μ.
+
+        It is 1 / cos θ_n, where μ is the coefficient of friction and θ_n is the normal pressure
+        angle.
+        """
         return 1.0 / math.cos(self.pressure_angle)
 
     @property
     def transmission(self) -> type[Transmission]:
-        """Declaration of the kind of drive."""
+        """Class that declares the kind of drive, with its dimensions and its ratio."""
         return TRANSMISSIONS.find(self.kind, "Drive.kind")
 
     @property
@@ -470,13 +474,15 @@ class Drive(Value):
     def check_locking(self) -> None:
         """Raise ProblemError if the drive must be self-locking and is not, or if the gear jams.
 
-        A load drives the motor if φ_f = atan(μ/cos θ_n) ≤ λ, where φ_f is the friction angle, θ_n
-        the normal pressure angle and λ the lead angle. μ is the lowest plausible kinetic
-        coefficient. Coefficients at rest are ignored because vibration can remove them. The gear
-        jams if λ + φ_f reaches 90° for the largest coefficient.
-
         The loader calls this method. A drive that was built in Python can violate the condition.
         The planner then reports the violation.
+
+        Notes
+        -----
+        A load drives the motor if φ_f = atan(μ/cos θ_n) ≤ λ, where φ_f is the friction angle, θ_n
+        is the normal pressure angle and λ is the lead angle. μ is the lowest plausible kinetic
+        coefficient. The static coefficient is ignored, because vibration can remove the static
+        friction. The gear jams if λ + φ_f reaches 90° for the largest coefficient.
         """
         friction = self.friction
         if friction is None:

@@ -123,10 +123,15 @@ def resolve_dimensions(family: GearFamily, numbers: Numbers) -> dict[str, float]
 
 
 def _dimensions_by_law_name(dimensions: Numbers) -> dict[str, tuple[str, float]]:
-    """Return the stated dimensions by their names in the equations.
+    """Convert the stated dimensions to the unknowns of the equations.
 
-    The equations contain the tangent of the lead angle and a single diameter, which has three keys
-    in files.
+    The equations contain the tangent of the lead angle instead of the angle, and a single diameter,
+    which has three keys in files.
+
+    Parameters
+    ----------
+    dimensions : mapping of float
+        Stated dimensions in SI units by key in the file.
 
     Returns
     -------
@@ -159,10 +164,17 @@ def _dimensions_by_law_name(dimensions: Numbers) -> dict[str, tuple[str, float]]
 
 
 def _derive_dimensions(family: GearFamily, dimensions: dict[str, float]) -> None:
-    """Add every dimension that the known ones determine to `dimensions`.
+    """Add every dimension that follows from the known dimensions.
 
     An equation with a single unknown dimension determines it. This is repeated until no equation
     gives a new dimension.
+
+    Parameters
+    ----------
+    family : GearFamily
+        Equations between the dimensions.
+    dimensions : dict of float
+        Known dimensions in SI units by name. The computed dimensions are added to it.
     """
     progress = True
     while progress:
@@ -170,6 +182,7 @@ def _derive_dimensions(family: GearFamily, dimensions: dict[str, float]) -> None
         for powers, constant in family.laws:
             unknown = [name for name in powers if name not in dimensions]
             if len(unknown) == 1:
+                # Solve Π xᵢ^pᵢ = constant for the unknown xᵢ.
                 value = constant
                 for name, power in powers.items():
                     if name in dimensions:

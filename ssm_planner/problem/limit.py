@@ -122,22 +122,45 @@ class Limit(Value, ABC):
             Value in the present plan that violates the limit, in SI units.
         bound : float
             Bound that it violates, which may be looser than this limit.
+
+        Returns
+        -------
+        Limit or None
+            The stricter limit. This base class returns None.
         """
         return None
 
     def relaxed(self, value: float) -> "Self | None":
-        """Return a looser limit that allows a value in SI units.
+        """Return a looser limit that allows a given value.
 
-        The search for the reason of an infeasible problem uses it. The result is None if no bound
-        of this kind allows the value.
+        The search for the reason of an infeasible problem uses it.
+
+        Parameters
+        ----------
+        value : float
+            Value in SI units.
+
+        Returns
+        -------
+        Limit or None
+            The looser limit, or None if no bound of this kind allows the value. This base class
+            returns None.
         """
         return None
 
     def sufficient_bound(self, needed: float) -> float:
-        """Return a bound with which the planner finds a motion, in SI units.
+        """Return a bound with which the planner finds a motion.
 
-        Every motion needs at least the value `needed`. Some limits add a reserve, because a bound
-        without a reserve would leave a single feasible motion.
+        Parameters
+        ----------
+        needed : float
+            Value that every motion needs at least, in SI units.
+
+        Returns
+        -------
+        float
+            The bound in SI units. Some limits add a reserve to the value, because a bound without a
+            reserve would leave a single feasible motion.
         """
         return needed
 
@@ -148,15 +171,30 @@ class Limit(Value, ABC):
     def rounded(self, value: float) -> float:
         """Round a value to the digits that `described` prints, away from the bound.
 
-        The printed value then suffices as a bound. Values are in SI units.
+        The printed value then suffices as a bound.
+
+        Parameters
+        ----------
+        value : float
+            Value in SI units.
+
+        Returns
+        -------
+        float
+            Rounded value in SI units.
         """
         _, scale = display_unit("" if self.unit == "μ" else self.unit)
         return round_away(scale * value, scale * self.bound(value)) / scale
 
     def described(self, value: float) -> str:
-        """Return a text that states the bound `value` that would suffice, and the present bound.
+        """Return a text that states a sufficient bound and the present bound.
 
-        For example: "velocity limit of joint roll of 60 deg/s instead of 50 deg/s".
+        An example is "velocity limit of joint roll of 60 deg/s instead of 50 deg/s".
+
+        Parameters
+        ----------
+        value : float
+            Bound that would suffice, in SI units.
         """
         return (
             f"{self.words.format(limit=self)} {format_quantity(value, self.unit)} "
@@ -191,7 +229,10 @@ class SymmetricLimit(Limit):
         return self.largest
 
     def tightened(self, worst: float, bound: float) -> "Self | None":
-        # (bound / worst)^TIGHTENING_FACTOR is never 0, however large the excess
+        """Return the limit multiplied by (bound / worst)^TIGHTENING_FACTOR.
+
+        The factor is at most 1, and it is never 0, however large the excess is.
+        """
         return replace_fields(
             self, largest=self.largest * min(abs(bound / worst), 1.0) ** TIGHTENING_FACTOR
         )
@@ -249,19 +290,23 @@ def round_away(value: float, bound: float) -> float:
 
     Parameters
     ----------
-    value, bound : float
-        The value, and the present bound.
+    value : float
+        Value that is rounded.
+    bound : float
+        Present bound. A larger value is rounded up, and a smaller value is rounded down.
+
+    Returns
+    -------
+    float
+        The rounded value.
     """
     rounded = float(f"{value:.{MESSAGE_DIGITS}g}")
     if not math.isfinite(value) or math.isclose(value, rounded, rel_tol=CONVERSION_TOLERANCE):
         return rounded
     decimal = Decimal(value)
+    last_digit = Decimal(1).scaleb(decimal.adjusted() - MESSAGE_DIGITS + 1)
     rounding = ROUND_CEILING if value > bound else ROUND_FLOOR
-    return float(
-        decimal.quantize(
-            Decimal(1).scaleb(decimal.adjusted() - MESSAGE_DIGITS + 1), rounding=rounding
-        )
-    )
+    return float(decimal.quantize(last_digit, rounding=rounding))
 
 
 def format_quantity(value: float, unit: str) -> str:

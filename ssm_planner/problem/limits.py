@@ -71,6 +71,7 @@ class JointLimit(SymmetricLimit):
         return _change_joint(problem, self.of, **{self.field: self.largest})
 
     def _with_reserve(self, needed: float) -> float:
+        """Return the larger one of the needed value and the bound, increased by a reserve."""
         return max(needed, self.largest) * (1 + FEASIBILITY_RESERVE)
 
 
@@ -123,10 +124,12 @@ class MotorLimit(JointLimit):
     words = "largest {limit.name} of joint {limit.of} of"
 
     def on(self, problem: P) -> P:
+        """Return a copy of a problem in which the motor of the joint has this limit."""
         motor = _joint_named(problem, self.of).motor
         if motor is None:
             raise ProblemError(f"joint {self.of} has no motor")
-        # a trial value may be below the nominal torque
+        # The checks of a motor are skipped, because a trial value of the largest torque may be
+        # below the nominal torque.
         return _change_joint(
             problem, self.of, motor=unchecked_copy(motor, **{self.field: self.largest})
         )
@@ -196,6 +199,7 @@ class NutContact(Limit):
         return replace(self, preload=max(self.preload, value))
 
     def on(self, problem: P) -> P:
+        """Return a copy of a problem in which the nut of the joint has this preload."""
         drive = _joint_named(problem, self.of).drive
         if drive is None:
             raise ProblemError(f"joint {self.of} has no drive with a preload")
@@ -231,6 +235,7 @@ class SelfLocking(Limit):
         )
 
     def on(self, problem: P) -> P:
+        """Return a copy of a problem in which the friction of the drive has this lowest value."""
         drive = _joint_named(problem, self.of).drive
         if drive is None or drive.friction is None:
             raise ProblemError(f"joint {self.of} has no drive with friction")
@@ -313,6 +318,11 @@ class TaskRange(CoordinateLimit, RangeLimit):
         return self.coordinate in ("roll", "spin")
 
     def tightened(self, worst: float, bound: float) -> "TaskRange | None":
+        """Return a narrower range.
+
+        The result is None if a motion between two points in the range cannot leave the range, or if
+        the narrower range would be empty.
+        """
         shift = TIGHTENING_FACTOR * abs(worst - bound)
         if not self.coupled or not 2 * shift < self.upper - self.lower:
             return None
@@ -334,7 +344,7 @@ class TaskRange(CoordinateLimit, RangeLimit):
     def on(self, problem: P) -> P:
         """Return a copy of a problem with this range.
 
-        The robot's own range is widened if it is narrower.
+        The range of the robot itself is widened if it does not contain this range.
         """
         current: Any = problem
         limits = (
@@ -459,7 +469,11 @@ class StopTravel(ToolLimit):
     order = 2
 
     def tightened(self, worst: float, bound: float) -> "StopTravel":
-        # the travel is proportional to the planner's estimate, so the excess itself suffices
+        """Return a limit that is smaller by the relative excess and `STOP_RESERVE`.
+
+        The true travel is proportional to the planner's estimate of it, so the limit need not be
+        tightened by a multiple of the excess.
+        """
         return replace(self, largest=self.largest * min(bound / worst, 1.0) * (1 - STOP_RESERVE))
 
     def sufficient_bound(self, needed: float) -> float:
@@ -490,7 +504,7 @@ class RetinaClearance(Limit):
         return replace(self, clearance=clearance) if clearance < self.radius else None
 
     def relaxed(self, value: float) -> "RetinaClearance | None":
-        # no clearance allows a tip beyond the retina
+        # No clearance allows a tip beyond the retina.
         return None if value < 0 else replace(self, clearance=min(self.clearance, value))
 
     def on(self, problem: P) -> P:
@@ -576,7 +590,7 @@ class Duration(Limit):
         return replace(self, largest=longer, asked=self.asked or self.largest)
 
     def sufficient_bound(self, needed: float) -> float:
-        # without a reserve, only the fastest motion is feasible, and it is hard to find
+        # Without a reserve of 0.2 %, only the fastest motion is feasible, and it is hard to find.
         return needed if self.exact else 1.002 * needed
 
     @property
@@ -584,21 +598,22 @@ class Duration(Limit):
         return self.name, self.motion
 
     def on(self, problem: P) -> P:
+        """Return a copy of a problem in which the motion, or all motions, have this duration."""
         current: Any = problem
         requested = self.asked or self.largest
         is_limited = [
-            m.kind != "dwell" and (m.name, m.duration) == (self.motion, requested)
-            for m in current.motion
+            entry.kind != "dwell" and (entry.name, entry.duration) == (self.motion, requested)
+            for entry in current.motion
         ]
-        if not any(is_limited):  # the motion has a share of the total duration
+        if not any(is_limited):  # only the total duration of all motions is requested
             if self.motion is not None and current.duration is None:
                 raise ProblemError(f"no motion {self.motion} of {requested:g} s", key="duration")
             return replace_fields(problem, duration=self.largest)
-        timed = (
-            replace(m, duration=self.largest) if k else m
-            for m, k in zip(current.motion, is_limited, strict=True)
+        motion = (
+            replace(entry, duration=self.largest) if limited else entry
+            for entry, limited in zip(current.motion, is_limited, strict=True)
         )
-        return replace_fields(problem, motion=tuple(timed))
+        return replace_fields(problem, motion=tuple(motion))
 
 
 @frozen
@@ -758,7 +773,7 @@ class Limited:
         return next((limit.largest for limit in self._of_type(TipSpeed)), None)
 
     def _of_type(self, limit_type: type[L]) -> tuple[L, ...]:
-        """Return the limits of one kind."""
+        """Return all limits of a given class."""
         return tuple(limit for limit in self.limits if isinstance(limit, limit_type))
 
 
@@ -800,10 +815,7 @@ def sorted_task_limits(limits: Iterable[Limit], location: str = "limits") -> tup
 
 
 def _joint_named(problem: Any, name: str) -> Any:
-    """Return the joint of a problem with a given name.
-
-    Raises ProblemError if the name is unknown.
-    """
+    """Return the joint of a problem with a given name. Raise ProblemError for an unknown name."""
     for joint in problem.robot.joints:
         if joint.name == name:
             return joint
@@ -826,6 +838,11 @@ def _change_joint(problem: P, name: str, **changes: Any) -> P:
         Name of the joint.
     **changes
         New values by field of Joint.
+
+    Returns
+    -------
+    Problem
+        The copy.
     """
     current: Any = problem
     changed = replace(_joint_named(problem, name), **changes)
@@ -836,7 +853,17 @@ def _change_joint(problem: P, name: str, **changes: Any) -> P:
 def _set_limit(problem: P, limit: Limit) -> P:
     """Return a copy of a problem with a limit on the task.
 
-    The limit replaces the limit with the same key, or is added.
+    Parameters
+    ----------
+    problem : Problem
+        Problem that is copied.
+    limit : Limit
+        The limit. It replaces the limit of the problem with the same key, if there is one.
+
+    Returns
+    -------
+    Problem
+        The copy.
     """
     current: Any = problem
     if all(item.key != limit.key for item in current.limits):

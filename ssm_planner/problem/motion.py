@@ -86,9 +86,9 @@ class Joints(Value):
 
     @classmethod
     def from_array(cls, q: Array) -> "Joints":
-        """Return the point with joint positions q (4,)."""
-        a, b, c, d = q.tolist()
-        return cls((a, b, c, d))
+        """Return the point with the joint positions (4,) in an array, rad and m for joint 4."""
+        roll, tilt, spin, insertion = q.tolist()
+        return cls((roll, tilt, spin, insertion))
 
 
 @record
@@ -107,7 +107,10 @@ class Tip(Value):
     line: Line | None = uncompared_field()
 
     def _check(self) -> None:
-        """Raise ProblemError for a tip at the remote centre, where its direction is unknown."""
+        """Raise ProblemError for a tip at the remote centre.
+
+        There, the position of the tip does not determine the direction of the tool.
+        """
         if sum(x * x for x in self.position) < 1e-12:
             reason = "the tip at the remote centre leaves roll and tilt open"
             raise self._field_error(
@@ -287,7 +290,10 @@ class Follow(Value):
 def _check_blend(motion: Straight | Follow) -> None:
     """Raise ProblemError if the corner after a motion is rounded too tightly.
 
-    The blend distance must be at least `SMALLEST_BLEND`.
+    Parameters
+    ----------
+    motion : Straight or Follow
+        Motion whose blend distance, if it has one, must be at least `SMALLEST_BLEND`.
     """
     if motion.blend is not None and motion.blend < SMALLEST_BLEND:
         reason = "the robot would almost stop in such a tight corner"
@@ -300,7 +306,13 @@ def _check_blend(motion: Straight | Follow) -> None:
 
 
 def _check_stated_points(motion: Free | Follow) -> None:
-    """Raise ProblemError if a point of a motion does not state a single coordinate."""
+    """Raise ProblemError if a point of a motion does not state any coordinate.
+
+    Parameters
+    ----------
+    motion : Free or Follow
+        Motion with an end point and possibly points before it.
+    """
     for i, point in enumerate((*motion.through, motion.to)):
         if isinstance(point, Task) and not point.set_coordinates:
             key = "to" if i == len(motion.through) else f"through[{i}]"
@@ -444,7 +456,7 @@ class Motorisation(Value):
             if drives[stroke.joint] is None:
                 reason = "this joint has no drive, so there is no motor to size"
                 raise self._field_error(field, reason, "a driven joint", stroke.joint)
-            if any(stroke_before.joint == stroke.joint for stroke_before in self.strokes[:i]):
+            if any(earlier.joint == stroke.joint for earlier in self.strokes[:i]):
                 raise self._field_error(
                     field, "this joint already has a run", "one run per joint", stroke.joint
                 )

@@ -110,8 +110,8 @@ class Ripple(Value):
     def draw(self, rng: np.random.Generator, count: int, known: float = 0.0) -> Array:
         """Draw random deviations of single samples from the mean torque.
 
-        Each deviation is the sum of noise and of a harmonic with random phase. Both have the size
-        that they have in a random recording.
+        Each deviation is the sum of noise and of a sine wave with a random phase. The RMS values of
+        both are those of a randomly selected recording.
 
         Parameters
         ----------
@@ -120,8 +120,8 @@ class Ripple(Value):
         count : int
             Number of draws.
         known : float
-            Mean square of the part of the ripple that is predicted separately, N²·m². The harmonic
-            is smaller by this part.
+            Mean square of the part of the ripple that is predicted separately, N²·m². It is
+            subtracted from the mean square of the sine wave.
 
         Returns
         -------
@@ -131,14 +131,16 @@ class Ripple(Value):
         recording = rng.integers(len(self.torque), size=count)
         phase = rng.uniform(0, 2 * np.pi, count)
         remaining_ripple = np.sqrt(np.maximum(np.square(self.ripple) - known, 0.0))
-        harmonic = np.sqrt(2.0) * remaining_ripple[recording] * np.sin(phase)
-        return harmonic + np.array(self.noise)[recording] * rng.standard_normal(count)
+        # The amplitude of a sine wave is √2 times its RMS value.
+        wave = np.sqrt(2.0) * remaining_ripple[recording] * np.sin(phase)
+        return wave + np.array(self.noise)[recording] * rng.standard_normal(count)
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
         """Draw the largest deviations of the torque from the friction law in further recordings.
 
-        The largest deviation of a recording is log-normal. Mean and standard deviation of its
-        logarithm are uncertain, which makes the logarithm t-distributed.
+        The largest deviation of a recording is assumed to be log-normal. The mean and the standard
+        deviation of its logarithm are estimated from the known recordings and are therefore
+        uncertain, so the logarithm for a further recording is t-distributed.
 
         Parameters
         ----------
@@ -157,8 +159,9 @@ class Ripple(Value):
         variance = (
             np.sum((logs - logs.mean()) ** 2) + PRIOR_PEAK_WEIGHT * PRIOR_PEAK_DEVIATION**2
         ) / degrees
-        spread = math.sqrt(variance * (1 + 1 / len(logs)))
-        return np.exp(logs.mean() + spread * rng.standard_t(degrees, size=count))
+        # The term 1/n is the variance of the mean of n logarithms.
+        scale = math.sqrt(variance * (1 + 1 / len(logs)))
+        return np.exp(logs.mean() + scale * rng.standard_t(degrees, size=count))
 
 
 @record
@@ -199,28 +202,34 @@ class Harmonics(Value):
     def from_coefficients(
         cls, orders: tuple[float, ...], coefficients: Any, phased: bool
     ) -> "Harmonics":
-        """Build the series Re Σ_k coefficients_k exp(i order_k θ).
+        """Build the series from complex coefficients.
 
         Parameters
         ----------
-        orders : (n,)
+        orders : tuple of n floats
             Periods per turn of the motor.
-        coefficients : (n,)
-            Complex numbers in N·m.
+        coefficients : (n,) array of complex
+            Coefficients, N·m.
         phased : bool
             True if the phases are valid for other recordings.
+
+        Returns
+        -------
+        Harmonics
+            The series Re Σ_k c_k exp(i o_k θ), where c_k are the coefficients, o_k are the orders
+            and θ is the motor angle.
         """
         sine = tuple((-coefficients.imag).tolist())
         return cls(orders, tuple(coefficients.real.tolist()), sine, phased)
 
     @property
     def coefficients(self) -> Any:
-        """Complex coefficients of `from_coefficients`, (orders,) in N·m."""
+        """Complex coefficients of the series, (orders,), N·m, as in `from_coefficients`."""
         return np.array(self.cosine) - 1j * np.array(self.sine)
 
     @property
     def amplitudes(self) -> Array:
-        """Amplitudes of the orders, (orders,) in N·m."""
+        """Amplitudes of the orders, (orders,), N·m."""
         return np.hypot(self.cosine, self.sine)
 
     def torque(self, angle: Array) -> Array:
@@ -235,12 +244,17 @@ class Harmonics(Value):
         ----------
         start : float
             Present angle at the new zero, rad.
+
+        Returns
+        -------
+        Harmonics
+            The series as a function of the new angle.
         """
         coefficients = self.coefficients * np.exp(1j * start * np.array(self.orders))
         return Harmonics.from_coefficients(self.orders, coefficients, self.phased)
 
     def to_dict(self) -> JsonObject:
-        """Return the content of the output of `identify --json` for one direction."""
+        """Return the entry in the output of `identify --json` for one direction of motion."""
         return {
             "orders": self.orders,
             "amplitudes": self.amplitudes.tolist(),
@@ -256,7 +270,8 @@ class Harmonics(Value):
 class Reaction(Value):
     """Torque with which the speed controller answers the recorded deviation of the speed.
 
-    It is the sum over k of taps_k times the deviation of the speed, delayed by delays_k.
+    The torque is Σ_k taps_k · Δw(t − delays_k), where Δw is the deviation of the motor speed from
+    its mean.
 
     Examples
     --------
@@ -291,9 +306,9 @@ class Reaction(Value):
                 raise self._field_error(name, "has the wrong length", f"{len(other)} values")
 
     def explained_share(self, w: Array) -> Array:
-        """Return the share of the torque's variance that the taps explain.
+        """Return the fraction of the torque's variance that the speed controller explains.
 
-        Shares below 1/2 count as 0, because the recorded speed is then mostly noise.
+        Fractions below 1/2 count as 0, because the recorded speed is then mostly noise.
 
         Parameters
         ----------
@@ -303,13 +318,13 @@ class Reaction(Value):
         Returns
         -------
         (n,) array
-            Shares, interpolated between the recordings.
+            Fractions from 0 to 1, interpolated between the recordings.
         """
-        share = np.interp(w, self.speeds, self.explained)
-        return np.where(share >= 0.5, share, 0.0)
+        fraction = np.interp(w, self.speeds, self.explained)
+        return np.where(fraction >= 0.5, fraction, 0.0)
 
     def remaining_rms(self, w: Array) -> Array:
-        """Return the RMS of the torque that the taps do not explain.
+        """Return the RMS of the torque that the speed controller does not explain.
 
         Parameters
         ----------
@@ -424,7 +439,9 @@ class Posterior(Value):
         return self.draws[:, self.names.index(name)]
 
     def scaled(self, factors: Mapping[str, float], torque: float) -> "Posterior":
-        """Return the posterior for another shaft, without the data of the recordings' speeds.
+        """Return the posterior for another shaft, such as the motor shaft before a gearhead.
+
+        The result does not contain the data that refer to the speeds of the recordings.
 
         Parameters
         ----------
@@ -432,6 +449,11 @@ class Posterior(Value):
             Factors on parameters, by name. The other parameters do not change.
         torque : float
             Factor on the torques of the ripple.
+
+        Returns
+        -------
+        Posterior
+            The scaled posterior.
         """
         return Posterior(
             self.names,
@@ -453,6 +475,11 @@ class Posterior(Value):
         ----------
         law : str
             Friction law of the drive. Without the column `LAW_COLUMN`, all sets have this law.
+
+        Returns
+        -------
+        dict of float
+            Probability by name of the law. Laws without a parameter set are left out.
         """
         if LAW_COLUMN not in self.names:
             return {law: 1.0}

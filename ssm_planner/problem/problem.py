@@ -135,8 +135,11 @@ class Eye(Value):
     def _check_lens(self, lens: Lens) -> None:
         """Raise ProblemError if the lens does not fit the eye.
 
-        Each semi-axis must be shorter than the radius of the eye, and the centre must be inside the
-        eye.
+        Parameters
+        ----------
+        lens : Lens
+            The lens. Its semi-axes must be shorter than the radius of the eye, and its centre must
+            be inside the eye.
         """
         for i, length in enumerate(lens.semi_axes.tolist()):
             if not length < self.radius:
@@ -165,7 +168,7 @@ class Eye(Value):
                 "from the remote centre",
                 self.centre.tolist(),
             )
-        # the tip must be able to enter the eye through the port with this clearance
+        # The tip must be able to enter the eye through the port with the required clearance.
         radial_play = self.port - (distance - self.radius)
         if not self.clearance < radial_play:
             reason = "the tip cannot keep this distance from the wall when it leaves the port"
@@ -174,6 +177,7 @@ class Eye(Value):
             )
         if self.lens is None:
             return
+        # Factor by which the lens must grow about its centre to contain the remote centre.
         ratio = float(np.linalg.norm(self.lens.frame.T @ self.lens.centre / self.lens.semi_axes))
         smallest_ratio = 1 + self.shaft_radius / float(self.lens.semi_axes.min())
         if ratio <= smallest_ratio:
@@ -239,10 +243,19 @@ class TaskLimits(Limited):
     """Motions with lines, rounded corners and constant speeds that the check evaluates."""
 
     def within(self, robot: Robot) -> "TaskLimits":
-        """Return these limits together with the ranges of a robot.
+        """Add the ranges of task coordinates that a robot declares to these limits.
 
-        If both have a range of a coordinate, the result has their intersection. If the intersection
-        is empty, it has the robot's range.
+        Parameters
+        ----------
+        robot : Robot
+            Robot with ranges of task coordinates.
+
+        Returns
+        -------
+        TaskLimits
+            Limits with the ranges of the robot. If these limits also contain a range of a
+            coordinate, the result has the intersection of both, or the range of the robot if the
+            intersection is empty.
         """
         limits = list(self.limits)
         for robot_range in robot.limits:
@@ -256,9 +269,18 @@ class TaskLimits(Limited):
         return replace(self, limits=tuple(limits))
 
     def slower(self, stretch: float) -> "TaskLimits":
-        """Return the limits that apply when the motion takes `stretch` times as long.
+        """Return the limits that apply to a slower execution of the same motion.
 
-        The declared rates at both ends and the constant speeds are divided by `stretch`.
+        Parameters
+        ----------
+        stretch : float
+            Duration of the slower motion divided by the duration of the motion.
+
+        Returns
+        -------
+        TaskLimits
+            Limits in which the declared rates at both ends and the constant speeds are divided by
+            `stretch`. All other limits are unchanged.
         """
         if stretch == 1:
             return self
@@ -406,7 +428,10 @@ class Problem(Value, Limited):
         return (*of_joints, *self.task_limits.all_limits)
 
     def limit(self, name: str, joint: str | None) -> Limit | None:
-        """Return the limit with this name, or None. `joint` is None for a limit on the tool."""
+        """Return the limit with a given name on a joint or, if `joint` is None, on the tool.
+
+        The result is None if the problem does not have this limit.
+        """
         return next((item for item in self.all_limits if item.key == (name, joint)), None)
 
     def _check(self) -> None:
@@ -439,15 +464,25 @@ class Problem(Value, Limited):
         self._check_for_toppra()
 
     def _narrow_ranges(self) -> list[TaskRange]:
-        """Return the intersections of the ranges of the problem, the robot and joint 4.
+        """Intersect the ranges of the problem with those of the robot and with joint 4's travel.
 
         The ranges of the problem that exceed these intersections are stored in `excess_ranges`, so
-        that reports can mention them. Raises ProblemError if an intersection is empty.
+        that reports can mention them.
+
+        Returns
+        -------
+        list of TaskRange
+            The intersections, one for each task coordinate with a range.
+
+        Raises
+        ------
+        ProblemError
+            If an intersection is empty.
         """
         ranges = self.robot.ranges
-        for name, (lower, upper) in (("depth", self.robot.travel), *self.ranges.items()):
+        for name, requested in (("depth", self.robot.travel), *self.ranges.items()):
             low, high = ranges.get(name, (-math.inf, math.inf))
-            requested_range, (lower, upper) = (lower, upper), (max(low, lower), min(high, upper))
+            lower, upper = max(low, requested[0]), min(high, requested[1])
             if not lower < upper:
                 reason = "no overlap with the range that the robot allows"
                 allowed = _format_range(name, (low, high))
@@ -456,8 +491,8 @@ class Problem(Value, Limited):
                 )
             ranges[name] = lower, upper
             if name in self.ranges and (
-                requested_range[0] < lower - POSITION_TOLERANCE
-                or requested_range[1] > upper + POSITION_TOLERANCE
+                requested[0] < lower - POSITION_TOLERANCE
+                or requested[1] > upper + POSITION_TOLERANCE
             ):
                 object.__setattr__(
                     self, "excess_ranges", {**self.excess_ranges, name: self.ranges[name]}
@@ -465,7 +500,15 @@ class Problem(Value, Limited):
         return [TaskRange(name, *ends) for name, ends in ranges.items()]
 
     def _points(self) -> Iterator[tuple[str, Point]]:
-        """Yield each point of the problem, with its key for messages."""
+        """Yield every point of the start and of the motions.
+
+        Yields
+        ------
+        key : str
+            Key of the point for messages, such as "motion[0].to".
+        point : Task, Joints or Tip
+            The point.
+        """
         yield "start", self.start
         for i, entry in enumerate(self.motion):
             if isinstance(entry, Straight):
@@ -529,13 +572,13 @@ class Problem(Value, Limited):
         Parameters
         ----------
         key : str
-            Key of the value.
+            Key of the value for messages, such as "motion[0].to.tilt".
         name : str
             Name of the task coordinate or joint.
         value : float
-            Value, rad or m.
+            Value, m for the depth and the insertion, and otherwise rad.
         ends : (float, float), optional
-            Range. The default is that of the task coordinate `name`.
+            Range in the same unit. The default is the range of the task coordinate `name`.
         reason : str, optional
             Beginning of the message. The default says that the value is outside the limits of
             `name`.
@@ -741,16 +784,19 @@ class Problem(Value, Limited):
                 raise self._field_error(f"motion[{i}]", reason, allowed, f"{points} points")
 
     def by_optimal_control(self, motion: Motion) -> bool:
-        """Return True for a spline that must be timed by optimal control.
+        """Return True if a motion is a spline that only optimal control can time.
 
-        TOPP-RA cannot time it if it has jerk limits or a requested duration, or if effort is
-        minimised.
+        TOPP-RA, the faster method for a given path, supports neither jerk limits nor requested
+        durations, and it does not minimise effort.
+
+        Parameters
+        ----------
+        motion : Motion
+            Motion of this problem.
         """
         if not isinstance(motion, Follow) or motion.curve != "spline":
             return False
-        slower = (
-            self.duration is not None or motion.duration is not None or self.objective == "effort"
-        )
-        return slower or bool(self.robot.jerk_limited)
+        has_duration = self.duration is not None or motion.duration is not None
+        return has_duration or self.objective == "effort" or bool(self.robot.jerk_limited)
 
     wider = Renamed("excess_ranges")

@@ -263,10 +263,13 @@ class Joint(Value):
         ratio = 1.0
         if self.drive is None:
             return plays
+        # The play of the output of a stage is converted to the motor and then to the joint.
         for name, stage in self.drive.stages.items():
             ratio *= stage.ratio
-            known = None if stage.placeholder else stage.backlash
-            plays[f"{name} backlash"] = None if known is None else known * ratio / self.drive.ratio
+            backlash = None if stage.placeholder else stage.backlash
+            plays[f"{name} backlash"] = (
+                None if backlash is None else backlash * ratio / self.drive.ratio
+            )
         return plays
 
     @property
@@ -310,14 +313,14 @@ class Joint(Value):
         return tuple(limits)
 
     def limit(self, limit_type: type[L]) -> L:
-        """Return the limit of one kind. Raises KeyError if the joint does not have such a limit."""
+        """Return the limit of a given class. Raise KeyError if the joint does not have one."""
         limit = self.find_limit(limit_type)
         if limit is None:
             raise KeyError(limit_type.__name__)
         return limit
 
     def find_limit(self, limit_type: type[L]) -> L | None:
-        """Return the limit of one kind, or None if the joint does not have such a limit."""
+        """Return the limit of a given class, or None if the joint does not have one."""
         return next((limit for limit in self.limits if isinstance(limit, limit_type)), None)
 
 
@@ -399,18 +402,23 @@ class Robot(Value, Limited):
         return tuple(by_bodies.values())
 
     def actuations(self, i: int) -> tuple[tuple[int, Drive, tuple[int, ...]], ...]:
-        """Return the loads and friction laws that the motor of joint i must handle.
+        """Return the loads and friction laws that the motor of a joint must handle.
 
         A robot for a range of friction or payload has variants. `corners` are the variants that
         need the most torque to drive, and `lightest` are those that need the most torque to brake.
-        Equal cases occur once. Without variants, the robot itself is the only case. The result is
-        empty for a joint without a motor.
+        Equal cases occur once. Without variants, the robot itself is the only case.
+
+        Parameters
+        ----------
+        i : int
+            Index of the joint, from 0.
 
         Returns
         -------
         tuple of (int, Drive, tuple of int)
-            Index of the bodies in `loads`, drive with its friction, and the sides: +1 if the motor
-            drives and −1 if it brakes.
+            For each case, the index of its bodies in `loads`, the drive with its friction, and the
+            torques that the motor must provide: +1 to drive and −1 to brake. The result is empty
+            for a joint without a motor.
         """
         if self.joints[i].motor is None:
             return ()
@@ -418,18 +426,19 @@ class Robot(Value, Limited):
             drive = self.joints[i].drive
             return () if drive is None else ((0, drive, (1, -1)),)
         bodies = [robot.bodies for robot in self.loads]
-        position: dict[int, int] = {}
+        load_indices: dict[int, int] = {}
         cases: dict[tuple[int, int], tuple[int, Drive, tuple[int, ...]]] = {}
         variants: list[tuple[Robot, tuple[int, ...]]] = [(corner, (1,)) for corner in self.corners]
         variants += [(corner, (-1,)) for corner in self.lightest]
         for robot, sides in variants:
             drive = robot.joints[i].drive
-            if id(robot.bodies) not in position:  # comparing bodies is slow
-                position[id(robot.bodies)] = bodies.index(robot.bodies)
-            load = position[id(robot.bodies)]
+            if id(robot.bodies) not in load_indices:  # comparing bodies is slow
+                load_indices[id(robot.bodies)] = bodies.index(robot.bodies)
+            load = load_indices[id(robot.bodies)]
             if drive is not None:
-                positions = cases.get((load, id(drive)), (load, drive, ()))[2]
-                cases[load, id(drive)] = (load, drive, tuple(dict.fromkeys((*positions, *sides))))
+                _, _, known_sides = cases.get((load, id(drive)), (load, drive, ()))
+                merged_sides = tuple(dict.fromkeys(known_sides + sides))
+                cases[load, id(drive)] = (load, drive, merged_sides)
         return tuple(cases.values())
 
     @property
@@ -442,14 +451,24 @@ class Robot(Value, Limited):
 
 
 def unit_vector(vector: Array, location: str) -> Array:
-    """Return a vector (3,) after scaling it to the length 1.
+    """Remove the rounding error from the length of a unit vector.
 
-    `location` is its key for messages.
+    Parameters
+    ----------
+    vector : (3,) array
+        Vector with a length of about 1.
+    location : str
+        Key of the vector, for messages.
+
+    Returns
+    -------
+    (3,) array
+        Vector with the same direction and the length 1.
 
     Raises
     ------
     ProblemError
-        If its length differs from 1 by more than 1e-6.
+        If the length differs from 1 by more than `UNIT_TOLERANCE`.
     """
     length = float(np.linalg.norm(vector))
     if not abs(length - 1) <= UNIT_TOLERANCE:
@@ -461,17 +480,23 @@ def unit_vector(vector: Array, location: str) -> Array:
 
 
 def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
-    """Return the principal moments of inertia (3,) about the centre of mass, ascending, kg·m².
+    """Return the principal moments of inertia of a body about its centre of mass.
 
     Parameters
     ----------
     mass : float
         Mass, kg.
-    com : (3,)
+    com : (3,) array
         Centre of mass, m.
-    inertia : (3, 3)
+    inertia : (3, 3) array
         Inertia tensor about the origin, kg·m².
+
+    Returns
+    -------
+    (3,) array
+        Principal moments in ascending order, kg·m².
     """
+    # Parallel axis theorem. The principal moments are the eigenvalues of the tensor.
     about_com = inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
     return np.asarray(np.linalg.eigvalsh(about_com), dtype=float)
 

@@ -54,10 +54,18 @@ valid.
 
 
 def to_plain(value: Any) -> Any:
-    """Convert a value to JSON types.
+    """Convert a value to JSON types, as plan.json stores it.
 
-    Dataclasses become mappings, and arrays and tuples become lists. The limits of a problem or a
-    robot become a mapping from the limited quantity to its bound.
+    Parameters
+    ----------
+    value : object
+        Dataclass, mapping, sequence, array, number, text or None.
+
+    Returns
+    -------
+    dict, list, str, float, int, bool or None
+        Dataclasses become dictionaries, and arrays and tuples become lists. The limits of a problem
+        or a robot become a dictionary from the limited quantity to its bound.
     """
     value_type: Any = type(value)
     if value_type in JSON_PRIMITIVES:
@@ -118,9 +126,18 @@ def _field_names(cls: Any) -> tuple[str, ...]:
 
 
 def _robot_to_plain(robot: Robot) -> JsonObject:
-    """Convert a robot to the form in plan.json.
+    """Convert a robot to JSON types.
 
-    The planner computes `corners` and `lightest` again, so they are omitted.
+    Parameters
+    ----------
+    robot : Robot
+        Robot to convert.
+
+    Returns
+    -------
+    dict
+        Fields of the robot. The variants `corners` and `lightest` are omitted, because the planner
+        computes them again.
     """
     fields = {
         name: to_plain(getattr(robot, name))
@@ -138,7 +155,19 @@ def _problem_to_plain(problem: Problem) -> JsonObject:
 
 
 def _point_to_plain(point: Point) -> JsonObject:
-    """Convert a point to the form in plan.json, in which task, joints or tip is not None."""
+    """Convert a point to JSON types.
+
+    Parameters
+    ----------
+    point : Task, Joints or Tip
+        Point to convert.
+
+    Returns
+    -------
+    dict
+        `task`, `joints` or `tip` contains the coordinates, in rad and m, and the other two are
+        None. `spin` belongs to a tip, and `line` is the line in the problem file.
+    """
     return {
         "task": point.set_coordinates if isinstance(point, Task) else None,
         "joints": to_plain(getattr(point, "values", None)),
@@ -149,9 +178,18 @@ def _point_to_plain(point: Point) -> JsonObject:
 
 
 def _motion_to_plain(motion: Motion) -> JsonObject:
-    """Convert an entry of the motion list to the form in plan.json.
+    """Convert an entry of the motion list to JSON types.
 
-    All kinds of motions share the same keys, and each kind may have further keys (`_KEYS_BY_KIND`).
+    Parameters
+    ----------
+    motion : Motion
+        Entry to convert.
+
+    Returns
+    -------
+    dict
+        Values by key of plan.json. All kinds of motions share the same keys, and each kind may have
+        further keys (`_KEYS_BY_KIND`).
     """
     target = getattr(motion, "to", getattr(motion, "at", None))
     scan = None
@@ -191,9 +229,14 @@ def _point_from_plain(data: Any, location: str) -> Point:
     Parameters
     ----------
     data : object
-        The form in plan.json.
+        Dictionary that `_point_to_plain` returned. It may come from a damaged file.
     location : str
         Key of the data, for messages.
+
+    Returns
+    -------
+    Task, Joints or Tip
+        The point.
 
     Raises
     ------
@@ -221,9 +264,14 @@ def _motion_from_plain(data: Any, location: str) -> Motion:
     Parameters
     ----------
     data : object
-        The form in plan.json.
+        Dictionary that `_motion_to_plain` returned. It may come from a damaged file.
     location : str
         Key of the data, for messages.
+
+    Returns
+    -------
+    Motion
+        The entry.
 
     Raises
     ------
@@ -257,10 +305,18 @@ def _motion_from_plain(data: Any, location: str) -> Motion:
 
 
 def limits_to_plain(value: Problem | TaskLimits) -> JsonObject:
-    """Convert the limits of a task to the form in plan.json.
+    """Convert the limits of a task to JSON types.
 
-    The result contains ranges and rates by task coordinate, limits on the tool by
-    `ToolLimit.field`, and the eye.
+    Parameters
+    ----------
+    value : Problem or TaskLimits
+        Value with the limits.
+
+    Returns
+    -------
+    dict
+        Ranges and rates by task coordinate under `limits` and `rates`, limits on the tool by their
+        names in files, the eye, and the ranges of friction and payload.
     """
     speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.of_tool}}
     bounds = {
@@ -303,6 +359,11 @@ def problem_from_plain(data: Fields, file: str | None = None) -> Problem:
         Content of the key `problem` of a plan.json.
     file : str, optional
         Name of the file, for messages.
+
+    Returns
+    -------
+    Problem
+        The problem.
 
     Raises
     ------
@@ -366,6 +427,11 @@ def task_limits_from_plain(problem: Fields, file: str | None = None) -> TaskLimi
         Content of the key `problem` of a plan.json.
     file : str, optional
         Name of the file, for messages.
+
+    Returns
+    -------
+    TaskLimits
+        The limits.
 
     Raises
     ------

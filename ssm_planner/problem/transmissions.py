@@ -62,15 +62,20 @@ class Transmission:
 
     @classmethod
     def complete(cls, stated: Dimensions) -> dict[str, float]:
-        """Return all dimensions in SI units by key.
+        """Compute the dimensions of a drive that a file does not state.
 
-        The default is that a drive has only the stated dimensions. The result for a thread contains
+        By default, a drive has only the stated dimensions. The result for a thread contains
         `ratio`, `lead_angle` and `thread_angle`.
 
         Parameters
         ----------
         stated : mapping of float
             Dimensions that the file states, in SI units by key.
+
+        Returns
+        -------
+        dict of float
+            All dimensions in SI units by key.
 
         Raises
         ------
@@ -89,10 +94,11 @@ class Transmission:
 
     @classmethod
     def effort_arm(cls, dimensions: Dimensions) -> float:
-        """Return the effort arm γ of a thread.
+        """Return the factor between the output effort and the motor torque of a thread.
 
-        The motor torque per output effort is γ·tan(λ ± φ), where λ is the lead angle and φ the
-        friction angle. For a screw, γ is the radius at which friction acts, m.
+        The motor torque per output effort is γ·tan(λ ± φ), where γ is this factor (effort arm), λ
+        is the lead angle and φ is the friction angle. For a screw, γ is the radius at which
+        friction acts, m.
         """
         return dimensions["diameter"] / 2
 
@@ -115,10 +121,22 @@ class _Thread(Transmission):
 
     @classmethod
     def complete(cls, stated: Dimensions) -> dict[str, float]:
-        """Return all dimensions in SI units by key.
+        """Compute the dimensions of a thread that a file does not state.
 
-        Raises DimensionError if the stated dimensions do not determine the others, or are
-        implausible.
+        Parameters
+        ----------
+        stated : mapping of float
+            Dimensions that the file states, in SI units by key.
+
+        Returns
+        -------
+        dict of float
+            All dimensions in SI units by key.
+
+        Raises
+        ------
+        DimensionError
+            If the stated dimensions do not determine the others, or are implausible.
         """
         numbers = dict(stated)
         thread_angle = numbers.pop("thread_angle")

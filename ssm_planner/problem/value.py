@@ -156,6 +156,7 @@ class Value:
         )
 
     def __eq__(self, other: object) -> bool:
+        """Return True if the other value has the same class and equal compared fields."""
         if type(self) is not type(other):
             return NotImplemented
         cls: Any = type(self)
@@ -165,6 +166,7 @@ class Value:
         )
 
     def __hash__(self) -> int:
+        """Return a hash of the class and of the compared fields."""
         cls: Any = type(self)
         return hash(
             (cls.__name__, *(_hashable(getattr(self, name)) for name in _compared_fields(cls)))
@@ -172,15 +174,27 @@ class Value:
 
 
 def get_attributes(value: object, names: Iterable[str]) -> JsonObject:
-    """Return the attributes `names` of an object as a dictionary by name."""
+    """Return the attributes of an object with the given names, as a dictionary by name."""
     return {name: getattr(value, name) for name in names}
 
 
 def unchecked_copy(value: V, **changes: Any) -> V:
     """Return a copy of a value with changed fields, like dataclasses.replace, but without checks.
 
-    It is needed for trial values of a fit, for arrays that represent many drives at once, for
+    The copy is needed for trial values of a fit, for arrays that represent many drives at once, for
     drives without friction, and for values that reproduce mistakes of other programs.
+
+    Parameters
+    ----------
+    value : Value
+        Value to copy.
+    **changes
+        New values by field.
+
+    Returns
+    -------
+    Value
+        The copy. Its fields may contradict each other.
     """
     cls: Any = type(value)
     copy = object.__new__(cls)
@@ -233,6 +247,11 @@ def unit_kind(quantity: str, slides: bool = False) -> str:
         "angle or length".
     slides : bool
         True for a prismatic joint.
+
+    Returns
+    -------
+    str
+        Key of `units.QUANTITY_KINDS`, such as "length".
     """
     turning, _, sliding = quantity.partition(" or ")
     return sliding if slides and sliding else turning
@@ -241,16 +260,27 @@ def unit_kind(quantity: str, slides: bool = False) -> str:
 def field_quantities(cls: Any) -> dict[str, str]:
     """Return the physical quantities of the numeric fields of a dataclass, by field name.
 
-    A field states its quantity as a text in its annotation, see `unit_kind`.
+    The annotation of a field contains its quantity as a text such as "torque", or "angle or length"
+    for a quantity that depends on the kind of joint.
     """
     marks = {name: strip_annotations(hint)[1] for name, hint in field_hints(cls).items()}
     return {name: mark for name in marks for mark in marks[name] if isinstance(mark, str)}
 
 
 def field_descriptions(cls: type) -> dict[str, str]:
-    """Return the docstrings below the fields of a class, each on one line, by field name.
+    """Read the docstrings below the fields of a class from its source code.
 
-    They are read from the source code, because Python does not keep them.
+    Python itself does not keep these docstrings.
+
+    Parameters
+    ----------
+    cls : type
+        Class whose fields, and those of its base classes, are described.
+
+    Returns
+    -------
+    dict of str
+        Docstrings by field name, each as one line.
     """
     texts: dict[str, str] = {}
     for base in reversed(cls.__mro__):
@@ -291,6 +321,11 @@ def build_value(
         Key of the data, for messages.
     known_values : Mapping, optional
         Values of fields that are not in the data.
+
+    Returns
+    -------
+    object
+        Instance of the dataclass.
 
     Raises
     ------
@@ -373,9 +408,18 @@ def convert_value(hint: Any, value: Any, location: str, build: bool = False) -> 
 
 
 def check_name(name: object, names: tuple[str, ...], location: str, reason: str) -> None:
-    """Raise ProblemError unless `name` is one of `names`, and suggest the most similar one.
+    """Raise ProblemError if a name is not one of the allowed names.
 
-    `location` is the key of the name for the message, and `reason` the beginning of the message.
+    Parameters
+    ----------
+    name : object
+        Name to check.
+    names : tuple of str
+        Allowed names. The message suggests the most similar one.
+    location : str
+        Key of the name, for the message.
+    reason : str
+        Beginning of the message.
     """
     if name not in names:
         reason += suggestion(name, names)
@@ -383,9 +427,16 @@ def check_name(name: object, names: tuple[str, ...], location: str, reason: str)
 
 
 def check_mapping(data: object, names: tuple[str, ...], location: str) -> None:
-    """Raise ProblemError if the data are not a mapping, or contain a key that is not in `names`.
+    """Raise ProblemError if data are not a mapping with allowed keys.
 
-    `location` is the key of the data for the message.
+    Parameters
+    ----------
+    data : object
+        Data to check.
+    names : tuple of str
+        Allowed keys.
+    location : str
+        Key of the data, for the message.
     """
     if not isinstance(data, Mapping):
         raise wrong_type_error(location, data, f"a mapping with the keys {', '.join(names)}")
@@ -396,16 +447,47 @@ def check_mapping(data: object, names: tuple[str, ...], location: str) -> None:
 def wrong_type_error(location: str, value: object, allowed: str) -> ProblemError:
     """Build the error for a value of the wrong type.
 
-    `location` is the key of the value, and `allowed` describes the allowed values.
+    Parameters
+    ----------
+    location : str
+        Key of the value.
+    value : object
+        The value.
+    allowed : str
+        Description of the allowed values.
+
+    Returns
+    -------
+    ProblemError
+        Error that the caller raises.
     """
     printed_value = "None" if value is None else value
     return ProblemError("wrong type of value", key=location, value=printed_value, allowed=allowed)
 
 
 def _convert_annotated(arguments: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
-    """Convert a value to a type Annotated[type, *marks], and check the conditions in the marks.
+    """Convert a value to an annotated type, and check the conditions in its annotations.
 
-    `arguments` contains the type and the marks. The other parameters are those of `convert_value`.
+    Parameters
+    ----------
+    arguments : tuple
+        Arguments of Annotated: the type itself, and then its annotations such as `Bound`.
+    value : object
+        Value to convert.
+    location : str
+        Key of the value, for messages.
+    build : bool
+        True to build nested dataclasses from mappings.
+
+    Returns
+    -------
+    object
+        The converted value.
+
+    Raises
+    ------
+    ProblemError
+        If the value does not have the type or violates an annotation.
     """
     hint_type, *marks = arguments
     for mark in marks:
@@ -429,9 +511,28 @@ def _convert_annotated(arguments: tuple[Any, ...], value: Any, location: str, bu
 
 
 def _convert_union(members: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
-    """Convert a value to one of several types. None is returned unchanged if it is one of them.
+    """Convert a value to one of several types.
 
-    `members` contains the types. The other parameters are those of `convert_value`.
+    Parameters
+    ----------
+    members : tuple of type
+        The types. None is returned unchanged if the type of None is one of them.
+    value : object
+        Value to convert.
+    location : str
+        Key of the value, for messages.
+    build : bool
+        True to build nested dataclasses from mappings.
+
+    Returns
+    -------
+    object
+        The converted value.
+
+    Raises
+    ------
+    ProblemError
+        If the value has none of the types.
     """
     if value is None and type(None) in members:
         return None
@@ -448,10 +549,28 @@ def _convert_union(members: tuple[Any, ...], value: Any, location: str, build: b
 def _convert_tuple(
     members: tuple[Any, ...], value: Any, location: str, build: bool
 ) -> tuple[Any, ...]:
-    """Convert a list, tuple or array to a tuple whose entries have the types `members`.
+    """Convert a list, tuple or array to a tuple whose entries have given types.
 
-    If the last of these types is Ellipsis, all entries have the first type. The other parameters
-    are those of `convert_value`.
+    Parameters
+    ----------
+    members : tuple of type
+        Type of each entry. If the last one is Ellipsis, all entries have the first type.
+    value : object
+        Value to convert.
+    location : str
+        Key of the value, for messages.
+    build : bool
+        True to build nested dataclasses from mappings.
+
+    Returns
+    -------
+    tuple
+        The converted entries.
+
+    Raises
+    ------
+    ProblemError
+        If the value is not a list of this length, or if an entry is invalid.
     """
     if isinstance(value, np.ndarray):
         value = value.tolist()
@@ -487,20 +606,25 @@ def _convert_scalar(hint: Any, value: Any, location: str) -> Any:
     location : str
         Key of the value, for messages.
 
+    Returns
+    -------
+    float, int, str or bool
+        The value.
+
     Raises
     ------
     ProblemError
         If the value has another type or is not finite.
     """
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(
-        value, bool
-    )
-    if hint is float and number and math.isfinite(value):
-        return float(value)
-    if hint is int and isinstance(value, (int, np.integer)) and not isinstance(value, bool):
-        return int(value)
     if hint in (str, bool) and isinstance(value, hint):
         return value
+    # Python counts True and False as integers, but neither is a valid number.
+    if not isinstance(value, bool):
+        if hint is int and isinstance(value, (int, np.integer)):
+            return int(value)
+        number_types = (int, float, np.integer, np.floating)
+        if hint is float and isinstance(value, number_types) and math.isfinite(value):
+            return float(value)
     raise wrong_type_error(location, value, _SCALAR_DESCRIPTIONS[hint])
 
 
@@ -515,6 +639,11 @@ def _convert_array(shape: tuple[int, ...], value: Any, location: str) -> Array:
         Value to convert.
     location : str
         Key of the value, for messages.
+
+    Returns
+    -------
+    array
+        The read-only copy.
 
     Raises
     ------
