@@ -31,7 +31,7 @@ SLIPS = {
     "terminal_resistance": (1e3, 1e-3, 100, 1e-2),
     "torque_constant": (1e3, 1e-3, 10, 0.1, 60 / (2 * math.pi), 2 * math.pi / 60),
     "rotor_inertia": (1e7, 1e4, 1e3, 100, 1e-2, 1e-3),
-    "no_load_current": (1e3, 100, 1e-3),
+    "no_load_current": (1e3, 100, 60, 1 / 60, 1e-2, 1e-3),
     "time_constant_motor": (60, 1 / 60, 1e3),
     "time_constant_winding": (1e3, 60, 1e-3),
     "resistance_housing_ambient": (100, 1e-2, 1e3),
