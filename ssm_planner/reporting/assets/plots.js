@@ -176,7 +176,7 @@ SSM.finiteBounds = ({ low, high }) => [low, high].filter((end) => end !== null);
 // Set the size of a plot to the width of its holder, or to that of paper.
 SSM.resizePlot = (u, holder, height = SSM.height(holder)) => u.setSize({ width: SSM.isPrinting ? 680 : Math.max(200, holder.clientWidth), height });
 
-SSM.height = (holder) => (holder.closest(".large") && !SSM.isPrinting ? 420 : 190);
+SSM.height = (holder) => (holder.closest(".large") && !SSM.isPrinting ? 420 : innerWidth > 860 ? 190 : 150);
 
 // Describe a plot for readers who do not see it.
 SSM.describePlot = (panel, lines, extremes) => {
