@@ -23,10 +23,15 @@ ReportResults = Callable[[Candidates], None]
 
 
 def candidate_batches(study: Study) -> Iterator[tuple[list[Design], ReportResults]]:
-    """Yield batches of candidates, each with a function that reports their results.
+    """Yield batches of candidates that an adaptive search of Optuna proposes.
 
-    The caller must report the results of a batch, in the order of its candidates, before it
-    requests the next batch.
+    A candidate is one of the robots that the study compares. The caller must report the results of
+    a batch, in the order of its candidates, before it requests the next batch.
+
+    Parameters
+    ----------
+    study : Study
+        Study with its variables, its objectives and the method of its search, "tpe" or "nsga2".
 
     Yields
     ------

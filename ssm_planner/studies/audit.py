@@ -68,9 +68,10 @@ def audit_study(
 ) -> Audit:
     """Plan and check some candidates of a study again, and compare them with the stored results.
 
-    These candidates are the original robot, the Pareto front, and a random 5 % of the others. All
-    rows are compared with their hashes, and their designs with those of the search. The designs of
-    an adaptive search are not compared, because they depend on results.
+    A candidate is one of the robots that the study compares. The audit plans the original robot,
+    the Pareto front, and a random 5 % of the other candidates. It compares all stored rows with
+    their hashes, and their designs with those of the search. The designs of an adaptive search are
+    not compared, because they depend on results.
 
     Parameters
     ----------
@@ -172,12 +173,14 @@ def _row_faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterat
 
 
 def _result_differences(stored: Candidate, new: Candidate, tolerance: float) -> Iterator[Any]:
-    """Compare two results of one candidate.
+    """Compare the stored result of a candidate with the result of the audit.
 
     Parameters
     ----------
-    stored, new : Candidate
-        Stored result, and result of the audit.
+    stored : Candidate
+        Result in the store.
+    new : Candidate
+        Result of the same candidate that was computed again.
     tolerance : float
         Permitted difference of a figure, relative to the larger value.
 

@@ -135,10 +135,16 @@ class Evaluation:
     def _evaluate(self, design: Design) -> JsonObject:
         """Plan the motions of a candidate, select its motors and gears, check, and size.
 
-        If parts are selected, the motions are first planned without the motors of these joints.
-        These fastest motions, slowed down by the pace, determine the parts. Each motion is then
-        checked with these parts, and planned again if it violates a limit. Planning and check use
-        motors whose limits are reduced by the motor margin, so that the motions keep this margin.
+        If the study selects motors or gears, the motions are first planned without the motors of
+        these joints. These fastest motions, slowed down by a factor called pace, determine the
+        motors and gears. Each motion is then checked with them, and planned again if it violates a
+        limit. Planning and check use motors whose limits are reduced by the motor margin, so that
+        the motions keep this margin.
+
+        Parameters
+        ----------
+        design : Design
+            Values of the candidate by path.
 
         Returns
         -------
@@ -196,23 +202,29 @@ def _slower_motion_results(
     *,
     margin: float,
 ) -> JsonObject:
-    """Return the results of the fastest slower motion that keeps the motor margin.
+    """Slow the fastest motions down until they keep the motor margin, and return the results.
 
     The planner does not limit the heat of a motor and the voltage. If the planned motions exceed
-    these limits, slower motions may keep them. If no speed keeps the margin, the results are those
-    of the slowest motion that passes the check. They are empty if none passes.
+    these limits, slower motions may keep them.
 
     Parameters
     ----------
-    problems, derated : ProblemByMotion
-        Problem of each motion by name, with the motors of the candidate and with motors whose
-        limits are reduced by the margin.
+    problems : ProblemByMotion
+        Problem of each motion by name, with the motors of the candidate.
+    derated : ProblemByMotion
+        The same problems with motors whose limits are reduced by the margin.
     fast_motions : TrajectoryByMotion
         Fastest trajectory of each motion by name.
     slowdown : float
         Largest factor by which the durations may grow.
     margin : float
         Required motor margin, as a fraction of the limit.
+
+    Returns
+    -------
+    dict
+        Results of the first of a few decreasing speeds that keeps the margin. If no speed keeps it,
+        the results of the slowest motion that passes the check, or an empty dictionary.
     """
     results: JsonObject = {}
     for speed in np.geomspace(1.0, 1.0 / slowdown, SPEED_COUNT)[1:]:
@@ -264,6 +276,7 @@ def evaluate_batch(
 def _resident_memory() -> int:
     """Return the resident memory of the process in bytes, or 0 on systems without /proc."""
     try:
+        # The second number of this file is the number of resident memory pages.
         return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * mmap.PAGESIZE
     except OSError:
         return 0
@@ -289,6 +302,20 @@ def _unpickle_evaluation(pickled: bytes) -> Evaluation:
 
 def candidate_problems(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
     """Yield the name and the problem of each motion of a study, with a candidate as the robot.
+
+    Parameters
+    ----------
+    study : Study
+        Study with the motions.
+    design : Design
+        Values of the candidate by path.
+
+    Yields
+    ------
+    name : str
+        Name of the motion.
+    problem : Problem
+        Problem with the robot of the candidate.
 
     Raises
     ------
@@ -339,6 +366,11 @@ def _plan_motions(problems: ProblemByMotion, previous: TrajectoryByMotion) -> Tr
         Problem of each motion.
     previous : TrajectoryByMotion
         Earlier trajectories. Such a trajectory is used again if it passes the check of its problem.
+
+    Returns
+    -------
+    TrajectoryByMotion
+        Trajectory of each motion by its name.
 
     Raises
     ------
@@ -408,10 +440,22 @@ def _with_changed_joints(problem: Problem, change: Callable[[Joint], Joint]) -> 
 
 
 def _remove_selected_motors(study: Study, problem: Problem) -> Problem:
-    """Return a problem without the motors of those joints whose motor or gear is still unknown.
+    """Remove the motors of those joints whose motor or gear is still unknown.
 
-    The motors and gears in `Study.selected` are selected only after the planning. The first plans
-    therefore must not depend on the motors of these joints.
+    The study selects some motors and gears only after the planning. The first plans therefore must
+    not depend on the motors of these joints.
+
+    Parameters
+    ----------
+    study : Study
+        Study whose attribute `selected` lists these choices.
+    problem : Problem
+        Problem with the robot.
+
+    Returns
+    -------
+    Problem
+        Copy of the problem, whose robot lacks these motors.
     """
     selected_joints = {choice.path.split(".")[1] for choice in study.selected}
 
@@ -516,7 +560,7 @@ def _select_pair(
 def _admissible_pairs(
     selections: Sequence[JointSelection], rank: Any, margin: float
 ) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of motor and gear that keep the margin in every motion, by rank.
+    """Yield the pairs of motor and gear that keep the motor margin in every motion, by rank.
 
     Parameters
     ----------
@@ -532,7 +576,9 @@ def _admissible_pairs(
     gear, motor : int
         Indices of the pair in the lists of gears and motors.
     """
+    # NaN marks a check whose margin is unknown.
     smallest = [np.nanmin(list(selection.margins.values()), axis=0) for selection in selections]
+    # The value −1 marks a pair that a check excludes. 0 means unknown, and 1 means adequate.
     not_excluded = np.all([selection.adequate >= 0 for selection in selections], axis=0)
     admissible = not_excluded & (np.min(smallest, axis=0) >= margin)
     for gear, motor in selections[0].ranked(rank):

@@ -61,7 +61,7 @@ def write_study_figures(
     Returns
     -------
     dict
-        Paths by name, see `reporting.figures.style.save_rendered`.
+        Paths by name, such as "front_figure" for a PNG and "front_pdf" for a PDF.
 
     Raises
     ------

@@ -54,6 +54,11 @@ def write_study_page(
     finished : bool
         False while the study runs. The page then reloads itself.
 
+    Returns
+    -------
+    Path
+        The path of the page.
+
     Raises
     ------
     ExportError
@@ -82,6 +87,11 @@ def _template_values(study: Study, rows: Candidates, front: Candidates) -> JsonO
         Results of all candidates.
     front : sequence of Candidate
         Results of the candidates on the front.
+
+    Returns
+    -------
+    dict
+        Values by name of the variable.
     """
     states = sorted(Counter(row.state for row in rows).items())
     counts_text = ", ".join(f"{count} {state}" for state, count in states)
@@ -166,6 +176,11 @@ def compare_with_original(study: Study, reference: Candidate, front: Candidates)
         Result of the original robot.
     front : sequence of Candidate
         Results of the candidates on the front.
+
+    Returns
+    -------
+    str
+        Text that begins with the description of the original robot.
     """
     results = ", ".join(format_result(name, reference.figures) for name in study.minimise)
     missing = [plain_words(name) for name in study.minimise if reference.figures.get(name) is None]
@@ -198,10 +213,10 @@ def _script_data(study: Study, rows: Candidates, front: Candidates) -> JsonObjec
     Returns
     -------
     dict
-        `columns` contains the values of all candidates for each name in `names`, see
-        `variable_column`. `choices`, `figures` and `objectives` are subsets of these names.
-        `number`, `state` and `stage` have an entry for each candidate, and `front` contains indices
-        of candidates.
+        `names` are variables and results, and `columns` contains for each name the title, the
+        values `at` of all candidates, and `labels` of these values or None. `choices` (variables),
+        `figures` (results) and `objectives` are subsets of these names. `number`, `state` and
+        `stage` have an entry for each candidate, and `front` contains indices of candidates.
     """
     plotted = _plotted_results(study, rows)
     front_numbers = {row.number for row in front}
@@ -223,9 +238,22 @@ def _script_data(study: Study, rows: Candidates, front: Candidates) -> JsonObjec
 
 
 def _plotted_results(study: Study, rows: Candidates) -> list[str]:
-    """Return the names of the objectives, durations and margins that the page plots.
+    """Return the names of the results that the page plots.
 
-    A result is plotted if its values differ and do not contain None.
+    They are objectives, durations and motor margins. A result is plotted if its values differ and
+    do not contain None.
+
+    Parameters
+    ----------
+    study : Study
+        Study with its objectives.
+    rows : sequence of Candidate
+        Results of all candidates.
+
+    Returns
+    -------
+    list of str
+        Names of the results, beginning with the objectives.
     """
     values_by_name: dict[str, set[Any]] = {}
     for row in rows:
@@ -273,8 +301,9 @@ def variable_column(study: Study, path: str, rows: Candidates) -> JsonObject:
 def sensitivity_rows(study: Study, rows: Candidates) -> list[JsonObject]:
     """Return how much of the variance of each objective each variable explains.
 
-    The value is the correlation ratio η² (see `correlation_ratio`) in %. Only candidates with the
-    state "done" are evaluated, and all values are 0 if there are at most `BIN_COUNT` of them.
+    The value is the correlation ratio η² in per cent, which `correlation_ratio` computes. Only
+    candidates with the state "done" are evaluated, and all values are 0 if there are at most
+    `BIN_COUNT` of them.
 
     Parameters
     ----------
@@ -303,12 +332,10 @@ def sensitivity_rows(study: Study, rows: Candidates) -> list[JsonObject]:
 
 
 def correlation_ratio(positions: Array, value: Array) -> float:
-    """Return the correlation ratio η², the part of a variance that another quantity explains.
+    """Return the part of the variance of values that another quantity explains.
 
-    It is 0 for independent quantities and 1 if one quantity determines the other. The positions are
-    divided into bins of equal count. A correction for the number of bins makes the expected value 0
-    for independent quantities: η² = 1 − (W/(n − k))/s², where W is the sum of squares within the k
-    bins, n is the number of values and s² is their sample variance.
+    This correlation ratio η² is 0 for independent quantities and 1 if the other quantity determines
+    the values.
 
     Parameters
     ----------
@@ -322,15 +349,21 @@ def correlation_ratio(positions: Array, value: Array) -> float:
     float
         η², from 0 to 1. It is 0 for fewer than two values, for equal values, and for too few values
         per bin.
+
+    Notes
+    -----
+    The positions are divided into k bins of equal count. The ratio is η² = 1 − (W/(n − k))/s²,
+    where W is the sum of the squared deviations of the values from the mean of their bin, n is the
+    number of values, and s² is their sample variance. The divisor n − k makes the expected value 0
+    for independent quantities.
     """
     finite = np.isfinite(value)
     positions = positions[finite]
     value = value[finite]
     if len(value) < 2 or np.ptp(value) == 0:
         return 0.0
-    distinct = np.unique(positions)
-    edges = distinct
-    if len(distinct) > BIN_COUNT:
+    edges = np.unique(positions)
+    if len(edges) > BIN_COUNT:
         edges = np.quantile(positions, np.linspace(0, 1, BIN_COUNT + 1)[:-1])
     bins = np.searchsorted(edges, positions, side="right") - 1
     groups = [value[bins == k] for k in np.unique(bins)]
@@ -344,8 +377,8 @@ def correlation_ratio(positions: Array, value: Array) -> float:
 def design_texts(study: Study, row: Candidate) -> dict[str, str]:
     """Return the values that define a candidate as texts for the page, by path.
 
-    They include the names of the motors and gears that were selected from catalogues. A minus sign
-    at the beginning becomes a typographic one.
+    They include the names of the motors and gears that were selected from catalogues. A hyphen at
+    the beginning of a number becomes a minus sign.
     """
     full_design = study.complete_design(row.design, row.figures)
     return {path: re.sub(r"^-", "−", str(value)) for path, value in full_design.items()}

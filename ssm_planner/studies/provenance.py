@@ -82,14 +82,19 @@ def describe_study(study: Study) -> JsonObject:
 
 
 def study_from_description(description: JsonObject, name: str) -> Study:
-    """Return the study that `describe_study` described.
+    """Build the study that a stored description describes.
 
     Parameters
     ----------
     description : dict
-        Description of the study.
+        Result of `describe_study`.
     name : str
         Name of the study, which a description does not contain.
+
+    Returns
+    -------
+    Study
+        The study.
 
     Raises
     ------

@@ -315,6 +315,7 @@ class StudyRunner:
         max_pending: int,
         progress: StudyProgress,
     ) -> None:
+        """Prepare the store and the screens. The parameters are those of the class."""
         self._study = study
         self._store = store
         self._executor = executor
@@ -334,7 +335,8 @@ class StudyRunner:
         self.keys: list[str] = []
         self.original_key = candidate_key({}, self._context)
         self._pending: dict[Future[Any], Sequence[CandidateTask]] = {}
-        # Duration (s) and number of candidates of the latest batches, as decaying sums.
+        # Duration (s) and number of candidates of the latest batches, as sums in which the weight
+        # of a batch decreases by the factor 0.8 with each later batch.
         self._batch_seconds, self._batch_candidates = BATCH_DURATION, 1.0
         self._unwritten_results: list[tuple[str, Candidate]] = []
         self._last_write = time.monotonic()

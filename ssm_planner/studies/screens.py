@@ -65,6 +65,13 @@ class Screens:
     """
 
     def __init__(self, study: Study) -> None:
+        """Collect the requirements of a study and the joints among which its search chooses.
+
+        Parameters
+        ----------
+        study : Study
+            Study whose candidates are screened.
+        """
         self.study = study
         self._valid_design = study.design([0.0] * len(study.vary))
         problems = list(self._valid_problems())
@@ -111,6 +118,11 @@ class Screens:
 
         The candidates at the beginning, in the middle and at the end of all ranges are tried.
         Nothing is yielded if none of them is valid.
+
+        Yields
+        ------
+        Problem
+            Problem of a motion of the study.
         """
         for position in (0.0, 0.5, 1.0):
             design = self.study.design([position] * len(self.study.vary))
@@ -199,15 +211,20 @@ class Screens:
                     rejections[i] = faults[design[path]]
 
     def _part_rejection(self, joint: Joint | ProblemError) -> Rejection | None:
-        """Return the rejection if a joint is invalid or its drive does not lock, otherwise None.
+        """Test whether a joint is valid and whether its drive is self-locking if this is required.
 
-        A drive locks if its load cannot move it. It must lock if the study requires it, or if the
-        file of the drive states it.
+        A drive is self-locking if its load cannot move it. The study or the file of the drive may
+        require this.
 
         Parameters
         ----------
         joint : Joint or ProblemError
             Joint with its drive and motor, or the error of an invalid drive or motor.
+
+        Returns
+        -------
+        Rejection or None
+            Rejection with the stage "parts" or "locking", or None if the joint passes.
         """
         if isinstance(joint, ProblemError):
             return Rejection("parts", joint.reason)
@@ -269,6 +286,7 @@ class Screens:
         passes = np.array([rejection is None for rejection in rejections])
         if not passes.any():
             return
+        # Only the candidates that passed all other screens are tested.
         indices = np.flatnonzero(passes).tolist()
         passing_designs = [designs[i] for i in indices]
         passing_family = family.subset(passes)
@@ -299,10 +317,11 @@ class Screens:
             motor or gear is selected after the planning are not tested.
         """
         starts, ends = np.array(self._moves).swapaxes(0, 1)
-        steps = starts + START_FRACTION * (ends - starts)
+        points = starts + START_FRACTION * (ends - starts)
         with np.errstate(invalid="ignore", divide="ignore"):
             q = family.joints(starts, branch)
-            step = family.joints(steps, branch) - q
+            step = family.joints(points, branch) - q
+            # The inverse kinematics may add a whole turn to an angle.
             step[..., :3] = np.arctan2(np.sin(step[..., :3]), np.cos(step[..., :3]))
             direction = np.where(np.abs(step) > 1e-12, np.sign(step), 0.0)
             load = self._weight_efforts(family, q)
@@ -318,16 +337,17 @@ class Screens:
         return rejections
 
     def _weight_efforts(self, family: MechanismFamily, q: Array) -> Array:
-        """Return the efforts of the weight on the joints.
+        """Return the efforts that the weight of the bodies exerts on the joints.
 
-        The bodies keep their place relative to the axes of their joints.
+        The bodies keep their position relative to the axes of their joints.
 
         Parameters
         ----------
         family : MechanismFamily
             Geometries of n candidates.
         q : (n, k, 4) array
-            Joint positions of each candidate in k configurations, rad and m.
+            Joint positions of each candidate in k configurations, rad for joints 1 to 3 and m for
+            joint 4.
 
         Returns
         -------
@@ -463,9 +483,6 @@ def _parse_angles(texts: Sequence[str]) -> Array:
 def _rotate_with_axis(point: Array, old: Array, new: Array) -> Array:
     """Rotate a point by the smallest rotation that turns one axis into another.
 
-    With the rotation axis a = old × new (not normalised), c = old · new and a point p, the result
-    is p + a × p + a × (a × p)/(1 + c), which is Rodrigues' formula.
-
     Parameters
     ----------
     point : (3,) array
@@ -479,11 +496,16 @@ def _rotate_with_axis(point: Array, old: Array, new: Array) -> Array:
     -------
     (n, 3) array
         The point after each rotation.
+
+    Notes
+    -----
+    With a = old × new, which is not normalised, c = old · new and the point p, Rodrigues' formula
+    gives p + a × p + a × (a × p)/(1 + c).
     """
     axis = np.cross(old, new)
     cosine = new @ old
-    tangent = np.cross(axis, point)
-    return point + tangent + np.cross(axis, tangent) / (1.0 + cosine)[:, None]
+    product = np.cross(axis, point)
+    return point + product + np.cross(axis, product) / (1.0 + cosine)[:, None]
 
 
 def _required_tilts_and_moves(problems: Sequence[Problem]) -> tuple[Array, list[StraightMove]]:

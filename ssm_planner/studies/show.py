@@ -58,7 +58,25 @@ def load_candidates(study: Study, folder: Path) -> dict[int, Candidate]:
 
 
 def find_candidate(rows: Mapping[int, Candidate], number: int) -> Candidate:
-    """Return the candidate with a number. Raises ProblemError if it does not exist."""
+    """Return the candidate with a given number.
+
+    Parameters
+    ----------
+    rows : mapping of int to Candidate
+        Candidates with their results, by number.
+    number : int
+        Number of the candidate.
+
+    Returns
+    -------
+    Candidate
+        The candidate.
+
+    Raises
+    ------
+    ProblemError
+        If the candidate does not exist.
+    """
     if number not in rows:
         raise ProblemError(
             "this candidate does not exist",
@@ -120,7 +138,7 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
 
 
 def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int) -> JsonObject:
-    """Return the designs and the figures of two candidates side by side, as JSON types.
+    """Return the designs and the results of two candidates side by side, as JSON types.
 
     Parameters
     ----------
@@ -134,8 +152,8 @@ def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int)
     Returns
     -------
     dict
-        `study` and `numbers` identify the candidates. `design` and `figures` contain pairs of
-        values by name.
+        `study` and `numbers` identify the candidates. `design` (values that define a candidate) and
+        `figures` (its numerical results) contain pairs of values by name.
 
     Raises
     ------

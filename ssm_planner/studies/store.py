@@ -129,7 +129,7 @@ def candidate_key(design: Fields, context: str) -> str:
     design : mapping
         Values that distinguish the candidate from the original robot, by path.
     context : str
-        Hash of the inputs of the study and of the program, see `provenance.context_hash`.
+        Hash of the inputs of the study and of the program, from `provenance.context_hash`.
 
     Returns
     -------
@@ -161,6 +161,7 @@ class Store(AbstractContextManager["Store"]):
     """
 
     def __init__(self, path: Path) -> None:
+        """Lock and open the database, and create it if necessary. `path` is its file."""
         self.path = path
         self._context: str | None = None
         # SQLite loses a lock if another handle of its file closes, so the lock has its own file.
@@ -388,8 +389,14 @@ class Store(AbstractContextManager["Store"]):
 
     @contextmanager
     def _converting_errors(self) -> Iterator[None]:
-        """Convert errors of SQLite: a fault of the disk to ExportError, a damaged file to
-        ProblemError.
+        """Convert the errors of SQLite that the body of a `with` statement raises.
+
+        Raises
+        ------
+        ExportError
+            If the disk or the permissions prevent an operation.
+        ProblemError
+            If the file is damaged or is not a database.
         """
         try:
             yield
@@ -441,10 +448,10 @@ def _candidate_from_row(number: int, state: Any, *contents: Any) -> Candidate | 
 
 
 def _is_result(name: str, value: Any) -> bool:
-    """Return True if a value can be a result.
+    """Return True if a value can be the result of a candidate with a given name.
 
-    The result of a path of joints is the name of a part. All other results are finite numbers, or
-    None if a value is unknown.
+    The result of a name such as "joints.roll.motor" is the name of the selected motor or gear. All
+    other results are finite numbers, or None if a value is unknown.
     """
     if name.startswith("joints."):
         return isinstance(value, str)

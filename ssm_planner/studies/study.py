@@ -76,6 +76,11 @@ class Varied:
         ----------
         position : float
             Position in the range, from 0 (`low`) to 1 (`high`).
+
+        Returns
+        -------
+        str
+            Value such as "30 deg".
         """
         return f"{self.low + position * (self.high - self.low):.8g} {self.unit}".rstrip()
 
@@ -338,7 +343,7 @@ class Study:
 
 
 def robot_with_design(robot: Fields, contents: Mapping[str, Fields], design: Design) -> JsonObject:
-    """Return the content of a robot file in which the values of a design replace the original ones.
+    """Replace values in the content of a robot file by those of a candidate.
 
     If the design changes the motor of a joint, the function also exchanges the rotor inertia in the
     input inertia of its drive.
@@ -351,6 +356,11 @@ def robot_with_design(robot: Fields, contents: Mapping[str, Fields], design: Des
         Contents of the entries of each choice by name. The key is the path of the choice.
     design : Design
         Values by path.
+
+    Returns
+    -------
+    dict
+        Content of the robot file of the candidate.
 
     Raises
     ------
@@ -455,9 +465,20 @@ def _replace_rotor(joint: JsonObject, original: Fields) -> None:
 
 
 def _stated_inertia(mapping: Fields | None, key: str) -> float:
-    """Return the inertia that a drive or motor states under a key, kg·m².
+    """Return the inertia that a drive or motor states under a key.
 
-    Missing and invalid values count as 0. The loader of the robot reports invalid values later.
+    Parameters
+    ----------
+    mapping : mapping or None
+        Content of a drive or motor file. None for a joint without a motor.
+    key : str
+        Key of the inertia, such as "rotor_inertia".
+
+    Returns
+    -------
+    float
+        Inertia, kg·m². Missing and invalid values count as 0. The loader of the robot reports
+        invalid values later.
     """
     entry = (mapping or {}).get(key)
     value = entry.get("value") if isinstance(entry, Mapping) else entry

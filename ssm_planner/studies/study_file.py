@@ -385,6 +385,11 @@ def _is_valid_pace(variable: Variable) -> bool:
     """Return True if all values that a variable permits for the pace are finite and at least 1.
 
     The pace is a factor by which the durations of the motions grow.
+
+    Parameters
+    ----------
+    variable : Varied or Choice
+        Variable with the path `PACE_PATH`.
     """
     # A range begins with its smallest value.
     paces = variable.contents if isinstance(variable, Choice) else [variable.value_at(0.0)]

@@ -44,6 +44,11 @@ class Workers(Executor):
     """
 
     def __init__(self, count: int, attempts: int = DEFAULT_ATTEMPTS) -> None:
+        """Start one supervising thread for each worker process.
+
+        A process itself starts with the first task that its thread receives. The parameters are
+        those of the class.
+        """
         self._attempts = attempts
         self._tasks: queue.SimpleQueue[tuple[Future[Any], bytes] | None] = queue.SimpleQueue()
         self._closed = self._ended = False
@@ -130,7 +135,20 @@ class Workers(Executor):
             _terminate_worker(process)
 
     def _ask(self, process: subprocess.Popen[bytes], message: bytes) -> bytes | None:
-        """Send a task to a worker, and return its answer. None means that the worker died."""
+        """Send a task to a worker process, and return its answer.
+
+        Parameters
+        ----------
+        process : Popen
+            Process of the worker.
+        message : bytes
+            Pickled call.
+
+        Returns
+        -------
+        bytes or None
+            Pickled answer. None if the worker died, which this method then cleans up.
+        """
         assert process.stdin is not None
         assert process.stdout is not None
         try:
@@ -195,7 +213,7 @@ def _send_message(stream: BinaryIO | Any, message: bytes) -> None:
 
 
 def _receive_message(stream: BinaryIO | Any) -> bytes:
-    """Read the next message. Raises EOFError if the other side has closed the stream."""
+    """Read the next message. Raise EOFError if the other side has closed the stream."""
     try:
         message: bytes = pickle.load(stream)
     except pickle.UnpicklingError as error:
