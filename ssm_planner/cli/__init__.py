@@ -170,6 +170,11 @@ def _report_error(error: SsmPlannerError, as_json: bool = False) -> int:
         Error that ended the command.
     as_json : bool
         Also print the error as a JSON object on stdout.
+
+    Returns
+    -------
+    int
+        Exit status `BAD_INPUT`.
     """
     print(f"ssm-planner: {error}", file=sys.stderr)
     if as_json:
@@ -252,8 +257,14 @@ def _report_interruption(signals: _SignalHandling) -> int:
     signals : _SignalHandling
         Context of the command. It contains the signal that arrived, or None if Ctrl-C came before
         the context began.
+
+    Returns
+    -------
+    int
+        Exit status `TERMINATED` after SIGTERM or SIGHUP, and `INTERRUPTED` after Ctrl-C.
     """
-    # CPython records an interruption, and would later end the process. exec() resets the record.
+    # CPython records an interruption, and would later end the process by a signal instead of with
+    # this exit status. Any call of exec() resets the record.
     exec("")
     atomic = sys.modules.get("ssm_planner.atomic")
     results = [str(path) for path in atomic.written_files] if atomic is not None else []
@@ -272,6 +283,16 @@ def _report_fault(error: Exception) -> int:
 
     An internal fault is an exception that this program should have handled. The message is one
     line. The variable `DEBUG_VARIABLE` adds the traceback.
+
+    Parameters
+    ----------
+    error : Exception
+        The exception.
+
+    Returns
+    -------
+    int
+        Exit status `INTERNAL_FAULT`.
     """
     if os.environ.get(DEBUG_VARIABLE):
         import traceback
@@ -314,6 +335,11 @@ def _build_parser(command_line: Sequence[str]) -> argparse.ArgumentParser:
     ----------
     command_line : sequence of str
         Name of the command and its arguments.
+
+    Returns
+    -------
+    ArgumentParser
+        Parser of the command line.
 
     Raises
     ------

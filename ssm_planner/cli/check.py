@@ -36,7 +36,19 @@ STATUS_OF_PROOF = {"PROVEN": OK, "REFUTED": FAILED, "OPEN": UNJUDGED}
 
 
 def run_check(options: Namespace) -> int:
-    """Check a trajectory, print its certificate, and return the exit status."""
+    """Check a trajectory, print its certificate, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if all limits are kept, 1 if one is violated, and 4 if one could not be
+        judged.
+    """
     progress = progress_reporter(f"reading {options.trajectory}")
     document: JsonObject
     from ssm_planner.verification import with_task_results
@@ -92,6 +104,11 @@ def _check_proof_options(options: Namespace) -> None:
 
     The proof uses the robot, the limits and the speed of a plan.json, so options that replace these
     are refused.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
     """
     if not options.proof:
         if options.checker is not None:
@@ -108,7 +125,18 @@ def _check_proof_options(options: Namespace) -> None:
 
 
 def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
-    """Return a table of the proven bounds of all limits, and count the verdicts."""
+    """Return a table of the proven bounds of all limits, and the number of limits by verdict.
+
+    Parameters
+    ----------
+    proofs : sequence of Proof
+        Proof of each limit.
+
+    Returns
+    -------
+    list of str
+        Lines of text.
+    """
     from ssm_planner.reporting import proof_table
 
     counts = dict.fromkeys(STATUS_OF_PROOF, 0)
@@ -119,14 +147,19 @@ def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
 
 
 def _signature_fault(folder: Path, key: Path) -> str | None:
-    """Return the reason why a key does not confirm the signature of an export, or None if it does.
+    """Return the reason why the signature of an export is invalid, or None if it is valid.
 
     Parameters
     ----------
     folder : Path
         Folder of the export.
     key : Path
-        File with the public key.
+        PEM file with the public key.
+
+    Returns
+    -------
+    str or None
+        Reason, also for a folder without a readable manifest.
     """
     from ssm_planner.formats import read_manifest, signature_error
 
@@ -146,6 +179,11 @@ def _allow_unjudged(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
     text : str
         Value of the option --allow-unjudged: names of limits, or the last words of names, separated
         by commas.
+
+    Returns
+    -------
+    Certificate
+        Certificate whose verdict ignores that these limits could not be judged.
 
     Raises
     ------
@@ -192,6 +230,12 @@ def _run_speed_check(
     document : dict
         Beginning of the output of --json.
 
+    Returns
+    -------
+    int
+        Exit status: 0 if all limits are kept, 1 if one is violated, and 4 if one could not be
+        judged.
+
     Raises
     ------
     ProblemError
@@ -232,6 +276,16 @@ def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
     """Return a table that states at which speed each limit has its smallest margin.
 
     It contains the limits that a slower motion may violate, although the planned motion keeps them.
+
+    Parameters
+    ----------
+    speeds : SpeedRange
+        Results of the check at all speeds of a range.
+
+    Returns
+    -------
+    list of str
+        Lines of text.
     """
     from ssm_planner.display import format_number
     from ssm_planner.reporting import Table, limit_cells
@@ -330,7 +384,10 @@ def read_with_robot(
 
 
 def _with_declared_rates(options: Namespace, limits: "TaskLimits") -> "TaskLimits":
-    """Return the limits with the speeds at both ends that --start-rate and --end-rate declare."""
+    """Replace the rates at both ends of a motion by those of --start-rate and --end-rate.
+
+    A rate is the velocity of a task coordinate. Without an option, the limits keep their rate.
+    """
     if options.start_rate is not None:
         limits = replace(limits, start_rate=_parse_rates("--start-rate", options.start_rate))
     if options.end_rate is not None:
@@ -377,10 +434,22 @@ def _parse_rates(option: str, text: str) -> dict[str, float] | None:
 def certificate_lines(
     certificate: ssm.Certificate, notes: tuple[str, ...], robot: "Robot"
 ) -> list[str]:
-    """Return a certificate as lines of text: a table of the limits, remarks and the verdict.
+    """Format a certificate as lines of text: a table of the limits, remarks and the verdict.
 
-    The limit with the smallest margin is first. Each row of the table states the worst value, the
-    bound, the margin, the joint and the time.
+    Parameters
+    ----------
+    certificate : Certificate
+        Result of the check.
+    notes : tuple of str
+        Remarks on the trajectory file.
+    robot : Robot
+        Robot that executes the motion.
+
+    Returns
+    -------
+    list of str
+        Lines of text. The table begins with the limit that has the smallest margin. It states the
+        worst value, the bound, the margin, the joint and the time of each limit.
     """
     from ssm_planner.reporting import limits_table
     from ssm_planner.verification import describe_unjudged

@@ -18,7 +18,19 @@ STATUS_OF_VERDICT = {"held": OK, "cannot tell": UNJUDGED, "not held": FAILED}
 
 
 def run_compare(options: Namespace) -> int:
-    """Compare recordings with a plan, and return the exit status."""
+    """Compare recordings with a plan, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if the motion was executed as planned, 1 if not, and 4 if the recordings
+        cannot tell.
+    """
     progress = progress_reporter(f"reading {options.plan}")
     from ssm_planner.comparison.compare import DEFAULT_LAG
     from ssm_planner.comparison.measured import assign_recordings
@@ -39,10 +51,18 @@ def run_compare(options: Namespace) -> int:
 
 
 def compare_lines(comparison: ssm.Comparison) -> list[str]:
-    """Return lines of text that report a comparison.
+    """Format a comparison of an executed motion with its plan as lines of text.
 
-    They state the clock of the recordings, the smallest visible faults, the errors of every axis,
-    the margins of the limits, the findings, the limits that are not judged, and the verdict.
+    Parameters
+    ----------
+    comparison : Comparison
+        Result of the comparison.
+
+    Returns
+    -------
+    list of str
+        Lines on the clock of the recordings, the smallest visible faults, the errors of every axis,
+        the margins of the limits, the findings, the limits that are not judged, and the verdict.
     """
     from ssm_planner.comparison.noise import SIGNIFICANT_DEVIATIONS
     from ssm_planner.display import format_fixed, format_number, format_percent

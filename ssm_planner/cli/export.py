@@ -16,6 +16,11 @@ def add_format_arguments(parser: ArgumentParser) -> None:
 
     A format declares its options with their help texts. If formats have an option in common, its
     help lists the formats for each text.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Parser of the command `export`.
     """
     for option, texts in _format_options().items():
         parsed = ARGPARSE_SETTINGS.get(option, {})
@@ -43,7 +48,18 @@ def _format_options() -> dict[str, dict[str, list[str]]]:
 
 
 def run_export(options: Namespace) -> int:
-    """Write a plan in another format, and return the exit status."""
+    """Write a plan in another format, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
     progress = progress_reporter(f"reading {options.plan}")
 
     settings: Keywords = {}
@@ -66,7 +82,12 @@ def run_export(options: Namespace) -> int:
 
 
 def _parse_encoder_counts(texts: list[str]) -> int | dict[str, int]:
-    """Parse texts of the form [JOINT=]N, which state the encoder increments per motor turn.
+    """Parse the encoder increments per motor turn.
+
+    Parameters
+    ----------
+    texts : list of str
+        Values N or JOINT=N of the option --counts-per-turn.
 
     Returns
     -------

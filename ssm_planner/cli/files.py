@@ -9,7 +9,18 @@ from ssm_planner.templates import schema, template
 
 
 def run_schema(options: Namespace) -> int:
-    """Print the JSON schema of a kind of file, and return the exit status."""
+    """Print the JSON schema of a kind of file, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
     print(json.dumps(schema(options.kind), indent=1, ensure_ascii=False))
     return OK
 
@@ -18,6 +29,16 @@ def run_new(options: Namespace) -> int:
     """Write or print a template of a file, and return the exit status.
 
     Raises ExportError if the file exists.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status 0.
     """
     name = options.file.stem if options.file is not None else f"my_{options.kind}"
     text = template(options.kind, name)

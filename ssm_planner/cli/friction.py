@@ -18,7 +18,18 @@ from ssm_planner.typing import Files, JsonObject
 
 
 def run_identify(options: Namespace) -> int:
-    """Identify the friction of a drive, write its file, and return the exit status."""
+    """Identify the friction of a drive, write its file, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
     _check_design_options(options)
     if options.design:
         return _run_design(options)
@@ -44,7 +55,13 @@ def run_identify(options: Namespace) -> int:
 
 
 def _check_design_options(options: Namespace) -> None:
-    """Raise ProblemError if an option has no effect because --design is given or is missing."""
+    """Raise ProblemError if an option has no effect because --design is given or is missing.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+    """
     if options.design:
         unused = {"a recording": options.recordings, "--fix": options.fix, "--free": options.free}
         hint = "without --design"
@@ -59,6 +76,16 @@ def _run_design(options: Namespace) -> int:
     """Design a recording session, write it as CSV, and return the exit status.
 
     The output states how precisely a simulated session determines each parameter.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status 0.
     """
     progress = progress_reporter(f"designing a session for {options.drive}")
     session = ssm.design_session(options.drive, options.count, options.top_speed)
@@ -122,6 +149,11 @@ def _write_drive_files(
 def _fixed_parameter(text: str) -> tuple[str, float]:
     """Parse the value NAME=NUMBER of the option --fix.
 
+    Parameters
+    ----------
+    text : str
+        Value of the option, such as "mu=0.12".
+
     Returns
     -------
     name : str
@@ -155,6 +187,12 @@ def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
         Output of --json.
     drive : Drive
         Drive of the parameters, which determines their units.
+
+    Returns
+    -------
+    list of str
+        Lines of the table. The column of remarks marks parameters that were fixed, that are at a
+        bound, or that the data cannot separate from others.
     """
     from ssm_planner.display import format_number
     from ssm_planner.identification import parameter_unit
@@ -181,7 +219,18 @@ def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
 
 
 def run_predict(options: Namespace) -> int:
-    """Predict the torque of recordings, and return the exit status."""
+    """Predict the torque of recordings, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
     progress = progress_reporter(f"predicting with {options.drive}")
     from ssm_planner.identification import friction_origin, predict
 

@@ -19,7 +19,18 @@ from ssm_planner.typing import JsonObject
 
 
 def run_ik(options: Namespace) -> int:
-    """Print the joint solutions of a tool pose, and return the exit status."""
+    """Print the joint solutions of a tool pose, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if the pose can be reached, and 1 otherwise.
+    """
     from ssm_planner.problem import TASK_COORDINATES
 
     robot = ssm.load_robot(options.robot)
@@ -30,7 +41,18 @@ def run_ik(options: Namespace) -> int:
 
 
 def _solution_lines(solutions: ssm.JointSolutions) -> Iterator[str]:
-    """Yield a table of joint solutions in deg and mm as lines of text."""
+    """Yield a table of joint solutions in deg and mm as lines of text.
+
+    Parameters
+    ----------
+    solutions : JointSolutions
+        Solutions of the inverse kinematics of one pose, in rad and m.
+
+    Yields
+    ------
+    str
+        Line of text.
+    """
     yield "joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges"
     for q, is_inside in zip(solutions.joints, solutions.in_limits, strict=True):
         angles = "   ".join(f"{format_fixed(math.degrees(value), 5):>11}" for value in q[:3])
@@ -44,10 +66,15 @@ def _solution_lines(solutions: ssm.JointSolutions) -> Iterator[str]:
 def run_workspace(options: Namespace) -> int:
     """Print the workspace of a robot, or the designs that reach a tilt range.
 
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
     Returns
     -------
     int
-        Exit status.
+        Exit status: 0, or 1 if no design reaches the tilt range.
 
     Raises
     ------
@@ -77,7 +104,12 @@ def _workspace_result(robot: ssm.Robot, output: Path | None) -> JsonObject:
     robot : Robot
         Robot whose workspace is computed.
     output : Path or None
-        Folder of the figures. Their paths are added to the result under the key `files`.
+        Folder of the figures. None draws no figures.
+
+    Returns
+    -------
+    dict
+        Content of --json. If figures are drawn, `files` contains their paths.
     """
     result = ssm.workspace(robot).to_dict()
     if output is not None:

@@ -13,6 +13,16 @@ def run_report(options: Namespace) -> int:
     """Write the page of a plan or of a comparison of two plans, and return the exit status.
 
     With the option --figures, also write the figures of the plan.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status 0.
     """
     if options.width is not None and options.figures is None:
         raise ProblemError(
@@ -33,7 +43,18 @@ def run_report(options: Namespace) -> int:
 
 
 def run_film(options: Namespace) -> int:
-    """Write a film of the motion of a plan, and return the exit status."""
+    """Write a film of the motion of a plan, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
     plan = ssm.load_plan(options.plan)
     path = options.output or plan.path.with_name("film")
     files = ssm.film(plan, path, options.speed)
@@ -45,7 +66,18 @@ def run_film(options: Namespace) -> int:
 
 
 def run_view(options: Namespace) -> int:
-    """Serve the local page until Ctrl-C, and return the exit status."""
+    """Serve the local page until Ctrl-C, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
     with ssm.serve_view(options.problem, options.port) as server:
         print(f"{server.url}  (Ctrl-C ends it)", file=sys.stderr, flush=True)
         if not options.no_browser:
@@ -60,7 +92,18 @@ def run_view(options: Namespace) -> int:
 
 
 def run_reproduce(options: Namespace) -> int:
-    """Recompute the tables and figures of the paper, and return the exit status."""
+    """Recompute the tables and figures of the paper, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if all tables and figures agree with the paper, and 1 otherwise.
+    """
     progress = progress_reporter()
     folder = options.output / "paper"
     outcome = ssm.reproduce(folder, options.problems, options.recordings, progress)

@@ -13,6 +13,16 @@ def run_plan(options: Namespace) -> int:
     """Plan a motion, write its result folder, and return the exit status.
 
     With --from and --at, the motion starts at an instant of another plan.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if a motion was found and passed the check, and 1 otherwise.
     """
     from ssm_planner.reporting import FigureProcess
 

@@ -15,6 +15,16 @@ def run_retime(options: Namespace) -> int:
 
     The path is first smoothed into one or several curves, and the output states how far these
     deviate from the lines between the points of the file.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if a motion was found and passed the check, and 1 otherwise.
     """
     progress = progress_reporter(f"reading {options.path}")
     import numpy as np

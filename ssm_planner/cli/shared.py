@@ -74,10 +74,22 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
 
 
 def rate_argument(text: str) -> float:
-    """Convert a text such as `500`, `500 Hz` or `1kHz` to a rate in Hz.
+    """Convert a text such as `500`, `500 Hz` or `1kHz` to a rate in Hz, for argparse.
 
-    argparse calls this function. It raises ArgumentTypeError for other texts and for rates above
-    `LARGEST_RATE`.
+    Parameters
+    ----------
+    text : str
+        Value of the option.
+
+    Returns
+    -------
+    float
+        Rate, Hz.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the text is not a rate, or if the rate exceeds `LARGEST_RATE`.
     """
     match = re.fullmatch(r"([0-9.e+]+)\s*(?:(k?)hz)?", text.strip().lower())
     rate = 0.0
@@ -110,7 +122,15 @@ VALUE_TYPES: dict[str, Callable[[str], Any]] = {
 
 
 def add_arguments(parser: ArgumentParser, command: str) -> None:
-    """Add the arguments of a command, which arguments.csv lists, to its parser."""
+    """Add the arguments of a command, which arguments.csv lists, to its parser.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Parser of the command.
+    command : str
+        Name of the command, such as "plan".
+    """
     groups: dict[str, Any] = {"": parser}
     with ARGUMENTS.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -122,9 +142,17 @@ def add_arguments(parser: ArgumentParser, command: str) -> None:
 
 
 def _argument_settings(row: Mapping[str, str]) -> Keywords:
-    """Return the keyword arguments of `add_argument` for one row of arguments.csv.
+    """Convert one row of arguments.csv to the keyword arguments of argparse's `add_argument`.
 
-    The documentation of `ARGUMENTS` describes the columns of such a row.
+    Parameters
+    ----------
+    row : mapping of str
+        Cells by name of the column. `kind` and `number` have the values that `ARGUMENTS` describes.
+
+    Returns
+    -------
+    dict
+        Keyword arguments such as help, type, choices and nargs.
     """
     value_type = row["kind"]
     number = row["number"]
@@ -189,7 +217,7 @@ def parse_option_quantity(option: str, text: str, kind: str, whole: str | None =
 def parse_speed(text: str) -> float:
     """Convert the value of `--speed`, a percentage or a fraction, to a fraction.
 
-    `10%`, `10 %` and `0.1` all give 0.1. Raises ProblemError for other texts.
+    `10%`, `10 %` and `0.1` all give 0.1. The function raises ProblemError for other texts.
     """
     return parse_option_quantity("--speed", text, "share")
 
@@ -210,6 +238,11 @@ def progress_reporter(message: str = "") -> Progress:
     ----------
     message : str
         Description of a first step, which is printed at once. It may be empty.
+
+    Returns
+    -------
+    callable
+        Function with one argument, the `Step` that begins.
     """
     start = last_report = series_start = time.perf_counter()
     first_done = -1
@@ -218,8 +251,8 @@ def progress_reporter(message: str = "") -> Progress:
     def report(step: Step) -> None:
         """Print a step and the estimated remaining time.
 
-        Steps of a long series are left out if less than `REPORT_INTERVAL` seconds have passed since
-        the previous line, except the first few and the last step.
+        In a long series of steps, only the first few and the last step are always printed. The
+        others are left out if less than `REPORT_INTERVAL` seconds have passed since the last line.
         """
         nonlocal last_report, first_done, series_start
         now = time.perf_counter()
@@ -243,7 +276,7 @@ def progress_reporter(message: str = "") -> Progress:
         last_report = now
         text = f"[{now - start:6.2f} s] {step}{estimate}"
         if is_terminal:
-            text = f"\x1b[K{text[: terminal_width() - 1]}"
+            text = f"\x1b[K{text[: terminal_width() - 1]}"  # the code clears the line
         end = "\r" if is_terminal and step.total else "\n"
         print(text, file=sys.stderr, end=end, flush=True)
 
@@ -361,7 +394,8 @@ def write_results(
 
 
 def _to_json(document: Any) -> str:
-    """Format a document as JSON text. Paths become texts, and infinite or undefined numbers raise
-    ValueError.
+    """Format a document of JSON types and paths as JSON text.
+
+    The function raises ValueError for infinite and undefined numbers.
     """
     return json.dumps(document, indent=1, allow_nan=False, default=os.fspath)

@@ -19,7 +19,18 @@ from ssm_planner.typing import Files, JsonObject
 
 
 def run_simulate(options: Namespace) -> int:
-    """Simulate how the arm executes a plan, and return the exit status."""
+    """Simulate how the arm executes a plan, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if the simulated execution passed, and 1 otherwise.
+    """
     progress = progress_reporter(f"reading {options.plan}")
     from ssm_planner.reporting import simulation_tables
     from ssm_planner.simulation.simulate import EVERYWHERE, simulate
@@ -35,7 +46,10 @@ def run_simulate(options: Namespace) -> int:
         }
 
     def write(folder: Path) -> Files:
-        """Write the page, the figures and the simulated recordings, and return their paths."""
+        """Write the page, the figures and the simulated recordings into a folder.
+
+        The result contains the paths of the files by name.
+        """
         from ssm_planner.reporting import write_simulation_figures, write_simulation_page
         from ssm_planner.simulation.recorder import write_recordings
 
@@ -61,6 +75,16 @@ def run_simulate(options: Namespace) -> int:
 
 def scenario_from_options(options: Namespace) -> ssm.Scenario:
     """Build the scenario that the options of the command describe.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command `simulate`.
+
+    Returns
+    -------
+    Scenario
+        Speed, payload and faults of the simulated execution.
 
     Raises
     ------

@@ -26,7 +26,18 @@ if TYPE_CHECKING:
 
 
 def run_size(options: Namespace) -> int:
-    """Size the motors and gears of a motion, and return the exit status."""
+    """Size the motors and gears of a motion, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 1 if a motor or gear does not suffice, and 0 otherwise.
+    """
     progress = progress_reporter(f"reading {options.plan}")
     from ssm_planner.reporting import sizing_lines, sizing_verdict_lines, what_if_lines
     from ssm_planner.sizing.size import size
@@ -73,8 +84,26 @@ MAX_PAIRS = 10
 
 
 def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Conditions") -> int:
-    """Judge every motor of a catalogue with every gear, print the best pairs, and return the exit
-    status.
+    """Judge all pairs of motors and gears of catalogues, and return the exit status.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+    duty : DutyCycle
+        Motion for which the motors are selected.
+    conditions : Conditions
+        Operating conditions of the motors.
+
+    Returns
+    -------
+    int
+        Exit status: 1 if no pair suffices for a joint, and 0 otherwise.
+
+    Raises
+    ------
+    ProblemError
+        If a catalogue is missing or invalid, or if an option is not allowed.
     """
     from ssm_planner.loading import CatalogueEntry, drives_with_gears, read_gearheads, read_motors
     from ssm_planner.reporting import VERDICT_LABELS, selection_lines
@@ -100,12 +129,13 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
             gears[joint.name] = []
             for path in options.gears:
                 gears[joint.name] += drives_with_gears(path, joint.drive, stroke)
-    gearheads = [part for path in options.gearheads for part in read_gearheads(path)]
+    gearheads = [gearhead for path in options.gearheads for gearhead in read_gearheads(path)]
     progress_reporter(f"judging {len(motors)} motors")
     joints = select_motors(duty, motors, gears, conditions, options.payload, gearheads=gearheads)
-    # The worst of the answers on the best pair of each joint.
-    worst = min((int(joint.adequate.max()) for joint in joints), default=0)
-    adequate = {1: True, 0: None, -1: False}[worst]
+    # The best pair of a joint gives its answer: 1 (suffices), 0 (not known) or −1 (does not). The
+    # smallest answer of all joints counts.
+    smallest_answer = min((int(joint.adequate.max()) for joint in joints), default=0)
+    adequate = {1: True, 0: None, -1: False}[smallest_answer]
     notes = list(duty.notes)
     if options.gears:
         notes.append("gears without friction get the friction of the joint's present drive")
@@ -115,7 +145,7 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
         for motor in motors
         if motor.of.placeholder
     ]
-    if any(part.of.placeholder for part in gearheads):
+    if any(gearhead.of.placeholder for gearhead in gearheads):
         notes.append("gearheads with placeholder figures: the answer of their chains is not known")
     document: JsonObject = {
         "motion": duty.name,
@@ -141,6 +171,11 @@ def read_duty(path: Path, robot_file: Path | None = None) -> "DutyCycle":
         plan.json, motorisation file, or any trajectory file if `robot_file` is given.
     robot_file : Path, optional
         File of the robot that performs a trajectory.
+
+    Returns
+    -------
+    DutyCycle
+        Motions, robot, pause and remarks.
 
     Raises
     ------
@@ -223,8 +258,16 @@ def read_candidates(texts: Sequence[str], duty: "DutyCycle") -> dict[str, list[s
 def selected_motors(sizing: "Sizing") -> dict[str, ssm.Motor]:
     """Return the smallest adequate motor of each joint.
 
-    If no candidate of a joint is adequate, its largest candidate is returned. Joints without
-    candidates are left out.
+    Parameters
+    ----------
+    sizing : Sizing
+        Verdicts on the candidate motors of each joint.
+
+    Returns
+    -------
+    dict of Motor
+        Motors by joint. If no candidate of a joint is adequate, its largest candidate is used.
+        Joints without candidates are left out.
     """
     return {
         joint.load.joint: (joint.smallest or joint.candidates[-1]).motor
@@ -237,6 +280,18 @@ def _conditions_from_options(options: Namespace, duty: "DutyCycle") -> "Conditio
     """Return the operating conditions that the options state.
 
     Without the option --pause, the duty cycle determines the pause.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+    duty : DutyCycle
+        Motion whose pause applies without the option --pause.
+
+    Returns
+    -------
+    Conditions
+        Ambient temperature, supply, pause and confidence of the sizing.
     """
     from ssm_planner.sizing import REFERENCE_TEMPERATURE, Conditions
 

@@ -22,7 +22,18 @@ MAX_PRINTED_ROWS = 12
 def run_study(options: Namespace) -> int:
     """Run a study, or show, compare or audit its results, and return the exit status.
 
-    The first word of the arguments selects the action, see `_parse_words`.
+    The first word of the arguments selects the action: "show", "compare" or "audit". Any other word
+    is the study file to run.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status of the action.
     """
     verb, numbers, file = _parse_words(options.words)
     if verb == "audit":
@@ -97,6 +108,11 @@ def _run_candidates(study: ssm.Study, folder: Path, options: Namespace) -> int:
         Folder of the results.
     options : Namespace
         Options of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 0, 1 if no candidate passed, and 130 after an interruption.
     """
     from ssm_planner.studies import run as studies
     from ssm_planner.studies.store import write_table
@@ -130,7 +146,20 @@ def _run_candidates(study: ssm.Study, folder: Path, options: Namespace) -> int:
 
 
 def _run_audit(folder: Path, options: Namespace) -> int:
-    """Audit the results of a study in a folder, and return the exit status."""
+    """Audit the results of a study in a folder, and return the exit status.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the results.
+    options : Namespace
+        Parsed arguments of the command.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if the audit found no fault, and 1 otherwise.
+    """
     audit = ssm.audit_study(
         folder, tolerance=options.tolerance, workers=options.workers, progress=_progress_reporter()
     )
@@ -147,6 +176,16 @@ def _run_audit(folder: Path, options: Namespace) -> int:
 @contextmanager
 def _dask_executor(address: str | None) -> Iterator[Executor | None]:
     """Yield the executor of a Dask scheduler, or None without an address.
+
+    Parameters
+    ----------
+    address : str or None
+        Address of the scheduler, the value of --scheduler.
+
+    Yields
+    ------
+    Executor or None
+        Executor whose connection ends with the `with` statement.
 
     Raises
     ------
@@ -176,7 +215,14 @@ def _dask_executor(address: str | None) -> Iterator[Executor | None]:
 
 
 def _progress_reporter() -> Callable[[int, int, dict[str, int]], None]:
-    """Return a function that reports on stderr how many candidates are finished."""
+    """Return a function that reports on stderr how many candidates are finished.
+
+    Returns
+    -------
+    callable
+        Function of the number of finished candidates, the number of all candidates, and the number
+        of finished candidates in each state.
+    """
     progress = progress_reporter()
 
     def report(done: int, count: int, states: dict[str, int]) -> None:
@@ -203,6 +249,11 @@ def _study_lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> lis
         Its results.
     files : dict
         Paths of the written files by name.
+
+    Returns
+    -------
+    list of str
+        Lines of text.
     """
     from ssm_planner.studies.page import compare_with_original, design_texts, format_result
 
@@ -224,9 +275,18 @@ def _study_lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> lis
 
 
 def _comparison_lines(document: JsonObject) -> list[str]:
-    """Return the table that compares two candidates as lines of text.
+    """Format the comparison of two candidates as a table.
 
-    `document` is the output of --json, see `studies.show.compare_candidates`.
+    Parameters
+    ----------
+    document : dict
+        Output of --json: pairs of values by name under `design` and `figures`, and the `numbers` of
+        the candidates.
+
+    Returns
+    -------
+    list of str
+        Lines of the table.
     """
     from ssm_planner.reporting import Table
     from ssm_planner.studies.page import axis_title, result_unit

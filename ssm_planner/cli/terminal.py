@@ -74,6 +74,11 @@ def wrap_line(line: str, width: int) -> list[str]:
         Line to wrap.
     width : int
         Largest number of characters in a line.
+
+    Returns
+    -------
+    list of str
+        The lines.
     """
     if len(line) <= width or line.startswith("file  "):
         return [line]
@@ -86,9 +91,18 @@ def wrap_line(line: str, width: int) -> list[str]:
 
 
 def shorten(lines: Iterable[str]) -> list[str]:
-    """Wrap lines to the terminal, and omit the middle of a text of more than `MAX_LINES` lines.
+    """Wrap lines to the width of the terminal, and shorten a long text.
 
-    The last `LAST_LINES` lines remain, because they contain the verdict.
+    Parameters
+    ----------
+    lines : iterable of str
+        Lines of the text.
+
+    Returns
+    -------
+    list of str
+        At most `MAX_LINES` lines. The middle of a longer text is omitted. The last `LAST_LINES`
+        lines remain, because they contain the verdict.
     """
     wrapped: list[str] = []
     for line in lines:

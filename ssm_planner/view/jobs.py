@@ -48,7 +48,7 @@ class PlanningOutcome:
     changes: Mapping[float, str] = field(default_factory=dict)
     """Changes of limits in words, by the fraction of the full relaxation."""
     desk: JsonObject | None = None
-    """Curves and results of the motions for the page, see `comparison_data`."""
+    """Curves and results of the motions for the page, as JSON types."""
 
 
 @dataclass
@@ -103,7 +103,7 @@ class PlanningJobs:
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
     def requested_page(self, request: JsonObject) -> ViewedProblem:
-        """Return the page that made a request. Raises ProblemError if it is unknown."""
+        """Return the page that made a request. Raise ProblemError if it is unknown."""
         return _find_requested(self.pages, request, "of")
 
     def edit(self, request: JsonObject) -> JsonObject:
@@ -129,7 +129,7 @@ class PlanningJobs:
         return {"page": page}
 
     def start(self, request: JsonObject) -> JsonObject:
-        """Start to plan the motion of a request, and return the name of the run as {job}.
+        """Start to plan the motion of a request.
 
         A run in progress is cancelled, for example that of a page that was closed.
 
@@ -141,6 +141,11 @@ class PlanningJobs:
             relaxation, a problem with changed limits that has a motion. It is true, or a fraction
             by which the change of the limits is multiplied. `pinned` is another request, whose
             motion A is planned for comparison with the motion B of this request.
+
+        Returns
+        -------
+        dict
+            `job` is the name of the planning run.
 
         Raises
         ------
@@ -165,12 +170,17 @@ class PlanningJobs:
         return {"job": identity}
 
     def progress(self, request: JsonObject) -> JsonObject:
-        """Return the state of a run, see `PlanningJob.to_dict`.
+        """Return the state of a planning run.
 
         Parameters
         ----------
         request : dict
             `job` is the name of the run.
+
+        Returns
+        -------
+        dict
+            Result of `PlanningJob.to_dict`: the progress and, after the end, the outcome.
 
         Raises
         ------
@@ -235,7 +245,15 @@ class PlanningJobs:
         self._folder.cleanup()
 
     def _finish(self, job: PlanningJob, future: Future[PlanningOutcome]) -> None:
-        """Store the outcome of a run unless it was cancelled."""
+        """Store the outcome of a run unless it was cancelled.
+
+        Parameters
+        ----------
+        job : PlanningJob
+            The run.
+        future : Future
+            Finished call of `run_plan` in the planner's process.
+        """
         error = future.exception()
         with self._lock:
             if job.outcome is not None:
@@ -276,8 +294,8 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Plann
     Parameters
     ----------
     requests : sequence of (str, Problem, Any)
-        Name of the motion, problem, and the relaxation that replaces an infeasible problem, see
-        `PlanningJobs.start`.
+        For each motion, its name, its problem, and whether a relaxation, that is, a problem with
+        changed limits, replaces an infeasible problem: true, or a fraction of the changes.
     steps : Path
         File to which the progress is appended.
 

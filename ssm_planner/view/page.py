@@ -48,7 +48,7 @@ ANGLE_TOLERANCE = 1e-9
 Numbers in requests may exceed their range by the same amount.
 """
 Pose = tuple[float, float, float, float]
-"""Roll, tilt, spin and depth, rad and m."""
+"""Roll, tilt and spin in rad, and depth in m."""
 SUGGESTED_MARGINS = tuple(math.radians(degrees) for degrees in (5.0, 2.0, 1.0))
 """Margins of the tilt range that suggested angles α and β should keep, rad, largest first."""
 ADJUSTABLE_KEYS = (("geometry", "ratio"), ("geometry", "lead"), ("friction", "mu"))
@@ -60,13 +60,13 @@ MAX_DWELL = 3600.0
 MAX_PAYLOAD = 0.5
 """Largest payload in a request, kg."""
 MAX_POSE: Pose = 4 * math.pi, math.pi, 4 * math.pi, 1.0
-"""Largest magnitudes of the task coordinates in a request, rad and m."""
+"""Largest magnitudes of roll, tilt and spin (rad) and of the depth (m) in a request."""
 MIN_ANGLE, MAX_ANGLE = math.radians(1.0), math.radians(179.0)
 """Smallest and largest angle α or β in a request, rad."""
 
 
 def _pose_entry(pose: Pose) -> dict[str, str]:
-    """Return a pose (rad and m) in the form of a problem file."""
+    """Return a pose as texts with units by name of the coordinate, as in a problem file."""
     return {
         name: _coordinate_text(name, value)
         for name, value in zip(TASK_COORDINATES, pose, strict=True)
@@ -84,7 +84,7 @@ def _coordinate_text(name: str, value: float) -> str:
 
 
 def view_page(page: "ViewedProblem", token: str) -> str:
-    """Return the HTML document of a page.
+    """Render the HTML document of a page.
 
     Parameters
     ----------
@@ -92,6 +92,11 @@ def view_page(page: "ViewedProblem", token: str) -> str:
         Problem that the page shows.
     token : str
         Secret that every POST request of the page must contain.
+
+    Returns
+    -------
+    str
+        Text of the page.
     """
     start = page.start()
     return render_page(
@@ -159,7 +164,7 @@ class ViewedProblem:
             and abs(beta - original.beta) < ANGLE_TOLERANCE
         ):
             return original, True
-        # With a roll of 0 at home, the home tilt φ satisfies cos φ = cos β / cos α.
+        # With a roll of 0 at q = 0, the tilt φ at q = 0 satisfies cos φ = cos β / cos α.
         cosine = math.cos(beta) / math.cos(alpha)
         home_tilt = None
         if abs(cosine) <= 1.0:
@@ -188,6 +193,11 @@ class ViewedProblem:
         text : str
             YAML in the form of a problem file.
 
+        Returns
+        -------
+        ViewedProblem
+            The page of the edited problem.
+
         Raises
         ------
         ProblemError
@@ -210,7 +220,8 @@ class ViewedProblem:
     def variables(self) -> tuple[Variable, ...]:
         """Quantities that a user can change: motors, gears, ratios, leads and friction.
 
-        They have the form of the variables of a study.
+        They have the form of the variables of a study. The first entry of each choice has the name
+        "" and is the present motor or gear.
         """
         folder = shipped_folder()
         motors = read_catalogue(folder / "motors") | read_catalogue(
@@ -231,13 +242,11 @@ class ViewedProblem:
                 value = drive.get(group, {}).get(key)
                 text, _, unit = str(_stated_value(value)).partition(" ")
                 with suppress(ValueError):
-                    size = float(text)
+                    number = float(text)
                     path = f"joints.{name}.drive.{group}.{key}"
-                    variables.append(
-                        Varied(
-                            path, size / MAX_ADJUSTMENT_FACTOR, MAX_ADJUSTMENT_FACTOR * size, unit
-                        )
-                    )
+                    low = number / MAX_ADJUSTMENT_FACTOR
+                    high = number * MAX_ADJUSTMENT_FACTOR
+                    variables.append(Varied(path, low, high, unit))
         return tuple(variables)
 
     @cached_property
@@ -251,14 +260,20 @@ class ViewedProblem:
         return stand_ins
 
     def _robot_with_figures(self, figures: Mapping[str, str]) -> JsonObject:
-        """Return the content of the robot file in which real figures replace stand-ins.
+        """Replace assumed figures of motors by figures that the user has entered.
 
-        A mark for all figures of a motor becomes a mark for each of the others.
+        A motor file may mark all its figures as placeholders at once. This mark is replaced by a
+        mark for each figure that remains assumed.
 
         Parameters
         ----------
         figures : mapping of str
-            Text of each real figure by its path.
+            Text of each entered figure by its path, such as "joints.roll.motor.rotor_inertia".
+
+        Returns
+        -------
+        dict
+            Content of the robot file.
         """
         robot = copy.deepcopy(self.document["robot"])
         for path in self.stand_ins if figures else ():
@@ -278,14 +293,19 @@ class ViewedProblem:
         """Return the content of the robot file with the angles and the design of a request.
 
         Static friction keeps its ratio to kinetic friction. The roll at q = 0 stays 0, so the tilt
-        φ at q = 0 follows from cos β = cos α cos φ. Links keep their masses and shapes, and their
-        frames follow the angles.
+        φ at q = 0 follows from cos β = cos α cos φ, where α and β are the requested angles. Links
+        keep their masses and shapes, and their frames follow the angles.
 
         Parameters
         ----------
         request : dict
-            `alpha` and `beta` (rad), and `design`, which gives values to `variables` and
-            `stand_ins`, by path.
+            `alpha` and `beta` (rad), and `design`, which gives values to `variables` and to assumed
+            figures (`stand_ins`), by path.
+
+        Returns
+        -------
+        dict
+            Content of the robot file.
 
         Raises
         ------
@@ -328,7 +348,17 @@ class ViewedProblem:
         return content | {"name": f"{content.get('name', 'robot')} with {', '.join(changes)}"}
 
     def _design(self, request: JsonObject) -> dict[str, str]:
-        """Return the values that a request gives to variables and stand-ins as text, by path.
+        """Check the values that a request gives to variables and assumed figures.
+
+        Parameters
+        ----------
+        request : dict
+            `design` contains the values by path.
+
+        Returns
+        -------
+        dict of str
+            Values as texts by path.
 
         Raises
         ------
@@ -464,10 +494,15 @@ class ViewedProblem:
         Parameters
         ----------
         request : dict
-            `alpha` and `beta` (rad), `design` (see `changed_robot`) and `payload` (kg).
+            `alpha` and `beta` (rad), `design` (values of the robot by path) and `payload` (kg).
             With `own` true, the motion is that of the file. Otherwise, `start` is a pose,
-            `tilt_range` limits the tilt (rad), and `motion` is a list of {pose} and {dwell}, in
-            rad, m and s.
+            `tilt_range` limits the tilt (rad), and `motion` is a list of {pose} and {dwell}. A pose
+            consists of roll, tilt, spin (rad) and depth (m), and a dwell is a time (s).
+
+        Returns
+        -------
+        dict
+            Content of the problem file.
 
         Raises
         ------
@@ -503,7 +538,10 @@ class ViewedProblem:
         return content | {"limits": {**content.get("limits", {}), "tilt": tilts}}
 
     def requested_problem(self, request: JsonObject) -> Problem:
-        """Return the problem of a request, see `problem_content`. Raises ProblemError."""
+        """Build the problem of a request, which has the keys of `problem_content`.
+
+        The method raises ProblemError if a value is invalid.
+        """
         return problem_from(Section(self._file, node_from_data(self.problem_content(request))))
 
     def problem_file(self, request: JsonObject) -> JsonObject:
@@ -535,7 +573,8 @@ class ViewedProblem:
         Parameters
         ----------
         request : dict
-            `alpha` and `beta` of the mechanism (rad), and the `pose` (rad and m).
+            `alpha` and `beta` of the mechanism (rad), and the `pose`: roll, tilt and spin (rad),
+            and depth (m).
 
         Returns
         -------
@@ -574,7 +613,19 @@ class ViewedProblem:
 
 
 def requested_pose(request: JsonObject, key: str) -> Pose:
-    """Return four task coordinates of a request, rad and m.
+    """Return the pose that a request contains under a key.
+
+    Parameters
+    ----------
+    request : dict
+        Content of the request.
+    key : str
+        Key of the pose.
+
+    Returns
+    -------
+    roll, tilt, spin, depth : float
+        Three angles, rad, and the depth, m.
 
     Raises
     ------
@@ -594,7 +645,23 @@ def requested_pose(request: JsonObject, key: str) -> Pose:
 
 
 def requested_tilt_range(request: JsonObject) -> Range:
-    """Return the tilt range of a request, rad. Raises ProblemError if it is not a range."""
+    """Return the tilt range that a request contains under the key "tilt_range".
+
+    Parameters
+    ----------
+    request : dict
+        Content of the request.
+
+    Returns
+    -------
+    low, high : float
+        Ends of the range, rad.
+
+    Raises
+    ------
+    ProblemError
+        If the entry is not a range.
+    """
     ends = request.get("tilt_range")
     if not isinstance(ends, list) or len(ends) != 2:
         raise ProblemError("not a range", key="tilt_range", value=ends, allowed="[low, high]")
@@ -621,6 +688,11 @@ def requested_number(
         Permitted range. A number that exceeds it by rounding is moved to its end.
     unit : str
         SI unit of the range, for messages.
+
+    Returns
+    -------
+    float
+        The number.
 
     Raises
     ------

@@ -64,9 +64,14 @@ class ViewServer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, problem: Problem | None, port: int = 0) -> None:
-        """Open the socket. Without a problem, the page shows the paper's mechanism.
+        """Open the socket.
 
-        The port 0 selects any free port.
+        Parameters
+        ----------
+        problem : Problem or None
+            Problem that the page shows. None shows the paper's mechanism.
+        port : int
+            Port of the server. 0 selects any free port.
         """
         # The jobs are created first, so that server_close works if the socket fails.
         self.jobs = PlanningJobs(ViewedProblem(problem))
@@ -207,7 +212,13 @@ class RequestHandler(BaseHTTPRequestHandler):
         return False
 
     def _request(self) -> JsonObject | None:
-        """Return the JSON object of a request, or None after a refusal."""
+        """Read the JSON object of a POST request.
+
+        Returns
+        -------
+        dict or None
+            The object. None if the request was refused because of its headers or its content.
+        """
         fault = self._fault()
         if fault is not None:
             self._refuse(*fault)
@@ -267,7 +278,17 @@ class RequestHandler(BaseHTTPRequestHandler):
         )
 
     def _send(self, status: HTTPStatus, text: str, content_type: str) -> None:
-        """Send a text with its content type and the security headers."""
+        """Send a text with its content type and the security headers.
+
+        Parameters
+        ----------
+        status : HTTPStatus
+            Status of the HTTP answer.
+        text : str
+            Content of the answer.
+        content_type : str
+            Type of the content, such as "text/html".
+        """
         body = text.encode("utf-8")
         self.send_response(status)
         for name, value in SECURITY_HEADERS.items():
