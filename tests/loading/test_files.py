@@ -112,7 +112,7 @@ def test_a_wheel_carries_them(tmp_path: Path) -> None:
     empty.mkdir()
     for name in ("pyproject.toml", "README.md", "LICENSE", ".gitignore"):
         shutil.copy(ROOT / name, source)
-    for name in ("ssm_planner", "problems", "examples"):
+    for name in ("ssm_planner", "problems", "examples", ".native"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     clean["CC"] = "no-such-compiler"

@@ -34,17 +34,19 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-def build(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+def build(folder: Path) -> subprocess.CompletedProcess[str]:
     """Compile the portable variant of a folder as an editable install does.
 
     It is not optimised, to save time.
     """
     assert CMAKE is not None
-    configure = [CMAKE, "-S", str(folder), "-B", str(folder), "-DCMAKE_C_FLAGS=-O0", *options]
+    options = ["-DSKBUILD_STATE=editable", "-DCMAKE_C_FLAGS=-O0"]
+    configure = [CMAKE, "-S", str(folder), "-B", str(folder / "build"), *options]
     done = subprocess.run(configure, capture_output=True, text=True)
     if done.returncode:
         return done
-    compile_all = [CMAKE, "--build", str(folder), "--parallel", "2", "--target", "portable"]
+    build_folder = str(folder / "build")
+    compile_all = [CMAKE, "--build", build_folder, "--parallel", "2", "--target", "portable"]
     return subprocess.run(compile_all, capture_output=True, text=True)
 
 
