@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import ast
 import copy
+import itertools
 import json
 import math
 import signal
@@ -231,12 +232,12 @@ def ranged() -> dict[str, Any]:
     return plan
 
 
-def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
-    """Return the claims of a module about all plans as tuples.
+def answers(module: types.ModuleType) -> Iterator[tuple[Any, ...]]:
+    """Yield the claims of a module about all plans as tuples.
 
-    The tuples also contain results of functions that these plans seldom reach.
+    The first tuples contain results of functions that these plans seldom reach. The claims about
+    the plans take longest and therefore follow last.
     """
-    result = [tuple(claim) for plan in plans() for claim in module.prove(plan)]
     zero = np.zeros(1)
     with np.errstate(all="ignore"):
         for low, high in ((-0.5, 0.7), (-2.5, 2.0), (0.3, 0.3), (3.0, 3.5)):
@@ -244,19 +245,20 @@ def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
                 c, s = (module.constant(np.array([x])) for x in (math.cos(psi), math.sin(psi)))
                 for functions, limit, side, value in module.angle(c, s, low, high):
                     ends = module.supremum(functions, zero == 0, zero, zero + 1)[:2]
-                    result.append(("angle", None, *map(value, ends), limit, side, 0.0, ""))
+                    yield ("angle", None, *map(value, ends), limit, side, 0.0, "")
         wide = module.Model(np.array([[2.0, -0.5], [0.3, 0.2]]), np.zeros(2))
         for model in (module.exponential(wide - 2.0), module.power(wide + 9.0, 0.5)):
-            result.append(("model", None, *map(float, [*model.c[:3, 0], *model.r]), ""))
+            yield ("model", None, *map(float, [*model.c[:3, 0], *model.r]), "")
         bad = module.Model(np.array([[1.0, np.nan]]), np.zeros(2))
         ends = module.supremum([bad], np.array([True, False]), np.zeros(2), np.ones(2))[:2]
-        result.append(("open", None, *map(float, ends), ""))
+        yield ("open", None, *map(float, ends), "")
         loose = module.Model(np.array([[0.1, 2.0], [1.0, 0.1]]), np.array([0.3, 0.2]))
         for ends in (module.bounds(loose), module.heat(loose, [loose, loose * 0.5])):
-            result.append(("loose", None, *map(float, np.ravel(ends)), ""))
+            yield ("loose", None, *map(float, np.ravel(ends)), "")
         for angle in (-0.4, 0.0, 0.4):  # the tool on both sides of the axes' plane
-            result.append(("side", None, *map(float, sides(module, angle)), ""))
-    return result
+            yield ("side", None, *map(float, sides(module, angle)), "")
+    for plan in plans():
+        yield from map(tuple, module.prove(plan))
 
 
 def sides(module: types.ModuleType, angle: float) -> tuple[float, float]:
@@ -278,11 +280,14 @@ def sides(module: types.ModuleType, angle: float) -> tuple[float, float]:
     return result[0], result[1]
 
 
-def differs(one: list[tuple[Any, ...]], two: list[tuple[Any, ...]]) -> bool:
-    """Return True if two lists of answers differ by more than the enclosures permit."""
-    if len(one) != len(two):
-        return True
-    for a, b in zip(one, two, strict=True):
+def differs(one: list[tuple[Any, ...]], two: Iterator[tuple[Any, ...]]) -> bool:
+    """Return True if answers differ by more than the enclosures permit.
+
+    The second answers are computed one after the other, up to the first difference.
+    """
+    for a, b in itertools.zip_longest(one, two):
+        if a is None or b is None:
+            return True
         if (a[0], a[1], a[-1]) != (b[0], b[1], b[-1]) or len(a) != len(b):
             return True
         values = [(x, y) for k, (x, y) in enumerate(zip(a[2:-1], b[2:-1], strict=True)) if k != 3]
@@ -303,7 +308,7 @@ def survivors(count: int, seed: int) -> Iterator[tuple[int, str, bool]]:
         if is_swapped(node) and node not in rounding
     ]
     rng = np.random.default_rng(seed)
-    truth = answers(load(source))
+    truth = list(answers(load(source)))
     for number in rng.permutation(swapped)[:count]:
         line, name, text = mutant(tree, int(number))
         signal.signal(signal.SIGVTALRM, _stop)
