@@ -4,12 +4,14 @@ Options that this module adds:
 
     --cpu-budget SECONDS  fail a phase of a test without the mark `slow` that needs more CPU time
     --cpu-report FILE     write the CPU time of every test and of the collection as JSON
+    --cases COUNT         run at most COUNT cases of each parametrised test, which DRAW selects
     --listed-skips        fail a skip whose reason is not in tests/support/skips.py
     --shuffle SEED        run the files, and the tests of each file, in random order
 """
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import random
@@ -23,6 +25,8 @@ from typing import Any
 
 import pytest
 
+from ssm_planner.cli import GARBAGE_THRESHOLD
+from tests.support.cases import drawn
 from tests.support.skips import is_listed
 
 SHOWN = 10
@@ -91,6 +95,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("project rules")
     group.addoption("--cpu-budget", type=float, metavar="SECONDS")
     group.addoption("--cpu-report", metavar="FILE")
+    group.addoption("--cases", type=int, metavar="COUNT")
     group.addoption("--listed-skips", action="store_true")
     group.addoption("--shuffle", type=int, metavar="SEED")
 
@@ -100,6 +105,9 @@ def pytest_configure(config: pytest.Config) -> None:
     # child needs the ordinary handler.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    # As for the commands: the objects of modules and of thousands of tests are never garbage. To
+    # search them so often for unreachable cycles took a tenth of the CPU time of all tests.
+    gc.set_threshold(GARBAGE_THRESHOLD)
     config.pluginmanager.register(Rules(config), "project rules")
 
 
@@ -115,6 +123,9 @@ class Rules:
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        count = self.config.getoption("--cases")
+        if count is not None:
+            self.keep_some_cases(items, count)
         seed = self.config.getoption("--shuffle")
         if seed is None:
             return
@@ -127,6 +138,19 @@ class Rules:
         for group in groups:
             draw.shuffle(group)
         items[:] = [item for group in groups for item in group]
+
+    def keep_some_cases(self, items: list[pytest.Item], count: int) -> None:
+        """Keep at most `count` cases of every test. They depend on DRAW and on the test's name."""
+        cases: dict[str, list[pytest.Item]] = defaultdict(list)
+        for item in items:
+            cases[item.nodeid.partition("[")[0]].append(item)
+        kept = {
+            item
+            for name, group in cases.items()
+            for item in drawn(min(count, len(group)), group, name)
+        }
+        self.config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+        items[:] = [item for item in items if item in kept]
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_setup(self, item: pytest.Item) -> Generator[None, Any, Any]:
