@@ -29,7 +29,6 @@ from ssm_planner.dynamics import (
 from ssm_planner.problem import (
     Drive,
     JointAcceleration,
-    Limit,
     MotorTorque,
     Robot,
     TaskLimits,
@@ -38,8 +37,11 @@ from ssm_planner.trajectory import PIECES_PER_BLOCK, Trajectory, blocks
 from ssm_planner.typing import Array, Mask
 from ssm_planner.verification.certificate import ROUNDING_TOLERANCE, LimitCheck, Unjudged
 
-WINDOW_WIDTHS = (1, 4, 16, 64)
-"""Distances between the three rows of a window, in rows."""
+WINDOW_WIDTHS = (64, 16, 4, 1)
+"""Distances between the three rows of a window, in rows.
+
+The torques of narrow windows are computed only if those of the first two widths are not decisive.
+"""
 BOX_POINTS = ((0, 0, 0), *product((-1, 1), repeat=3))
 """Signs of load, speed and acceleration at the centre and at the eight corners of a box."""
 
@@ -82,16 +84,21 @@ def check_torque_bands(
         [robot.accelerations * (1 + ROUNDING_TOLERANCE), np.zeros(4), np.full(4, np.inf)]
     )
     extreme_times = np.zeros((3, 4))
+    torque_limits = {
+        i: robot.joints[i].limit(MotorTorque) for i, *_ in motorised_joints(robot.joints)
+    }
+    is_decided = False
     for width in WINDOW_WIDTHS:
         if 2 * width >= len(t):
-            break
+            continue
         centres = np.union1d(np.arange(width, len(t) - width, width), len(t) - 1 - width)
         maxima = np.full((3, 4), -np.inf)
         times = np.zeros((3, 4))
         for block in blocks(len(centres), PIECES_PER_BLOCK):
             rows = centres[block] + [[-width], [0], [width]]
             at_rest = moves[rows[0]] == moves[rows[2]]
-            values = _window_bounds(t[rows][..., None], q[rows], at_rest, robot, resolution)
+            window = t[rows][..., None], q[rows], at_rest
+            values = _window_bounds(*window, robot, resolution, with_torques=not is_decided)
             is_larger = values.max(axis=1) > maxima
             maxima = np.where(is_larger, values.max(axis=1), maxima)
             times = np.where(is_larger, t[rows[1, values.argmax(axis=1)]], times)
@@ -99,16 +106,19 @@ def check_torque_bands(
         better = maxima * [[1], [1], [-1]] > extremes * [[1], [1], [-1]]
         extremes = np.where(better, maxima, extremes)
         extreme_times = np.where(better, times, extreme_times)
+        # A band below the limit contains the torques of all narrower windows, unless the table
+        # exceeds a limit of acceleration or jerk.
+        is_decided = width < WINDOW_WIDTHS[0] and not any(joint.jerk for joint in robot.joints)
+        for i, limit in torque_limits.items():
+            is_narrow = extremes[2, i] - extremes[1, i] < limit.high / 8
+            is_decided &= is_narrow and extremes[2, i] <= limit.high
     checks, unjudged = [], []
     for i, joint in enumerate(robot.joints):
         if extreme_times[0, i]:
-            limit: Limit = joint.limit(JointAcceleration)
-            checks.append(
-                LimitCheck.from_extreme(limit, float(extremes[0, i]), float(extreme_times[0, i]))
-            )
+            worst = float(extremes[0, i]), float(extreme_times[0, i])
+            checks.append(LimitCheck.from_extreme(joint.limit(JointAcceleration), *worst))
     certain = not checks and limits.friction is None and limits.payload is None
-    for i, *_ in motorised_joints(robot.joints):
-        limit = robot.joints[i].limit(MotorTorque)
+    for i, limit in torque_limits.items():
         low, high = extremes[1:, i].tolist()
         if low > limit.high * (1 + ROUNDING_TOLERANCE):
             checks.append(LimitCheck.from_extreme(limit, low, float(extreme_times[1, i])))
@@ -122,7 +132,9 @@ def check_torque_bands(
     return checks, unjudged
 
 
-def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Array) -> Array:
+def _window_bounds(
+    t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Array, *, with_torques: bool
+) -> Array:
     """Bound the accelerations and the motor torques within n windows.
 
     A window consists of three rows of the table: the first, the middle and the last row.
@@ -139,6 +151,8 @@ def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: 
         Robot whose limits must hold.
     resolution : (4,) array
         Largest rounding error of a row, rad or m.
+    with_torques : bool
+        True if the torques are bounded. Otherwise, they are 0 and infinite.
 
     Returns
     -------
@@ -152,6 +166,11 @@ def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: 
     jump = (q[2] - q[1]) / time_after - (q[1] - q[0]) / time_before
     mean = 2 * jump / span
     error = 4 * resolution * (1 / time_before + 1 / time_after) / span
+    still = np.zeros_like(mean)
+    values = np.array([np.abs(mean) - error, still, still])
+    if not with_torques:
+        values[2] = np.inf
+        return values
     qd = (q[2] - q[0]) / span
     qd_error = np.where(at_rest, 0.0, largest_qdd * span / 2 + 2 * resolution / span)
     q_error = (np.abs(qd) + qd_error) * np.maximum(time_before, time_after) + resolution
@@ -160,12 +179,10 @@ def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: 
     lowest_qdd = np.clip(mean - deviation, -largest_qdd, largest_qdd) * ~at_rest
     highest_qdd = np.clip(mean + deviation, -largest_qdd, largest_qdd) * ~at_rest
     body = RigidBody.from_robot(robot)
-    still = np.zeros_like(qd)
     mass = body.mass_matrix(q[1])
     load_at_rest = body.inverse_dynamics(q[1], qd, still)
     middle = (lowest_qdd + highest_qdd) / 2
     half = (highest_qdd - lowest_qdd) / 2
-    values = np.array([np.abs(mean) - error, still, still])
     slack = _bound_load_changes(body, q[1], qd, (q_error, qd_error, largest_qdd))
     for i, drive, _ in motorised_joints(robot.joints):
         mu = _extreme_friction(drive, np.abs(qd[:, i]), qd_error[:, i])
