@@ -1,6 +1,6 @@
 """Small samples of the campaigns find no failure.
 
-The campaigns check hostile, tampered, violating and healthy files.
+The campaigns check hostile, tampered, violating and healthy files, and faulty executions.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from types import ModuleType
 import pytest
 
 from ssm_planner.verification.certificate import LimitCheck
-from tests.campaign import adversary, healthy, mutated, tampered, violations
+from tests.campaign import adversary, executions, healthy, mutated, tampered, violations
 
-COUNTS = {adversary: 48, healthy: 20, mutated: 44, tampered: 40, violations: 80}
+COUNTS = {adversary: 48, healthy: 20, mutated: 44, tampered: 40, violations: 80, executions: 24}
 
 
 @pytest.mark.parametrize("campaign", COUNTS, ids=lambda module: module.__name__.split(".")[-1])

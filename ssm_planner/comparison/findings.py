@@ -439,7 +439,9 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
         f"the start (allowed: {1e3 * limit:.3g} {unit}, noise {1e3 * noise:.2g} {unit})"
     )
     travel = float(np.ptp(axis.plan.position))
-    if np.ptp(axis.q) > MIN_UNIT_FACTOR * travel > 0:
+    if np.ptp(error) < max_error / 2:
+        text += "; the error is almost constant: is the homing wrong?"
+    elif travel > 0:
         text += f"; its travel is {describe_factor(float(np.ptp(axis.q)) / travel)}"
     verdict: Verdict = "not held" if max_error > allowed else "cannot tell"
     yield Finding("tracking", verdict, text, max_error, allowed)
@@ -545,26 +547,24 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     The motor must follow the plan before and after the stall. Otherwise, the recording may belong
     to another motion.
     """
-    w = axis.measured.w
-    planned_speed = axis.speed
     n = axis.window
     level = axis.still_level
-    planned_mean = moving_means(np.abs(planned_speed), n)
     mean_time = moving_means(axis.t, n)
-    is_still = np.abs(moving_means(w, n)) < level
-    is_stalled = is_still & (planned_mean > 5 * level)
+    planned_speed = moving_means(axis.speed, n)
+    mean_speed = moving_means(axis.measured.w, n)
+    is_still = np.abs(mean_speed) < level
+    is_stalled = is_still & (np.abs(planned_speed) > 5 * level)
     start, stop, length = longest_run(is_stalled, mean_time)
     if length < MIN_STALL_TIME:
         return None
     start_time = float(mean_time[start])
-    end_time = float(mean_time[stop])
-    is_outside = (axis.t < start_time - TORQUE_TIME_TOLERANCE) | (
-        axis.t > end_time + TORQUE_TIME_TOLERANCE
-    )
-    is_moving = (np.abs(w) >= level) & is_outside
+    time_from_middle = np.abs(mean_time - start_time - length / 2)
+    is_outside = time_from_middle > length / 2 + TORQUE_TIME_TOLERANCE
+    is_moving = ~is_still & is_outside
     if (
         is_moving.sum() > n
-        and speed_correlation(planned_speed[is_moving], w[is_moving]) < MIN_MOTION_CORRELATION
+        and speed_correlation(planned_speed[is_moving], mean_speed[is_moving])
+        < MIN_MOTION_CORRELATION
     ):
         return None
     torque = largest_magnitude(axis.measured.tau[start : stop + n])

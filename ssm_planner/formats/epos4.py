@@ -366,14 +366,14 @@ def _end_velocity_notes(plan: Plan) -> list[str]:
 
     The list is empty if the plan ends at rest.
     """
-    velocities = end_velocities(plan.motion)[1]
-    if np.abs(velocities).max() <= REST_SPEED:
-        return []
+    velocities = end_velocities(plan.motion)[1].tolist()
     speeds = [
         f"{joint.name} at {velocity:.4g} {joint.unit}/s"
-        for joint, velocity in zip(plan.robot.joints, velocities.tolist(), strict=True)
+        for joint, velocity in zip(plan.robot.joints, velocities, strict=True)
         if abs(velocity) > REST_SPEED
     ]
+    if not speeds:
+        return []
     return [
         f"the motion ends moving ({', '.join(speeds)}): the controller must continue the motion "
         "after the last setpoint, because no drive can stop at once"

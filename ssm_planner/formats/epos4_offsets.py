@@ -83,9 +83,7 @@ def offset_checks(
     slopes = np.diff(q, axis=0) / np.diff(t)[:, None]
     qd = stream_velocities(t, q, offsets)
     for i, offset in offsets.items():
-        joint = robot.joints[i]
-        rounding = float(resolution[i])
-        yield _velocity_check(joint, t, slopes[:, i], offset, rounding)
+        yield _velocity_check(robot.joints[i], t, slopes[:, i], offset, float(resolution[i]))
     low, high = _motor_torque_range(robot, t, q, qd, offsets)
     for i, offset in offsets.items():
         joint = robot.joints[i]
@@ -96,8 +94,7 @@ def offset_checks(
         yield LimitCheck.from_extreme(limit, max(float(beyond[k]), 0.0), float(t[k]))
         torque = np.maximum(np.abs(offset.torque) - offset.torque_rounding, 0.0)
         k = int(np.argmax(torque))
-        torque_limit = joint.limit(MotorTorque)
-        yield LimitCheck.from_extreme(torque_limit, float(torque[k]), float(t[k]))
+        yield LimitCheck.from_extreme(joint.limit(MotorTorque), float(torque[k]), float(t[k]))
 
 
 def stream_velocities(t: Array, q: Array, offsets: dict[int, Offsets]) -> Array:
@@ -209,8 +206,7 @@ def _motor_torque_range(
         cases: list[tuple[Any, float, bool]] = [(slice(None), 1.0, False)]
         cases += [(resting, sign, breaking) for sign, breaking in REST_FRICTION_STATES]
         # The motor torque is monotonic in each acceleration, except where its effort changes sign.
-        corners = list(product((0.0, 1.0), repeat=4))
-        for share in corners + [(0.5, 0.5, 0.5, 0.5)]:
+        for share in [*product((0.0, 1.0), repeat=4), (0.5,) * 4]:
             qdd = low_qdd + np.array(share)[:, None] * (high_qdd - low_qdd)
             tau = load + sum(column * qdd[k] for k, column in enumerate(inertia))
             for rows, sign, breaking in cases:

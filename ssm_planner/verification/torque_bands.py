@@ -99,9 +99,9 @@ def check_torque_bands(
             at_rest = moves[rows[0]] == moves[rows[2]]
             window = t[rows][..., None], q[rows], at_rest
             values = _window_bounds(*window, robot, resolution, with_torques=not is_decided)
-            is_larger = values.max(axis=1) > maxima
-            maxima = np.where(is_larger, values.max(axis=1), maxima)
-            times = np.where(is_larger, t[rows[1, values.argmax(axis=1)]], times)
+            highest = values.max(axis=1)
+            times = np.where(highest > maxima, t[rows[1, values.argmax(axis=1)]], times)
+            maxima = np.maximum(highest, maxima)
         # The third row contains upper bounds, of which the smallest counts.
         better = maxima * [[1], [1], [-1]] > extremes * [[1], [1], [-1]]
         extremes = np.where(better, maxima, extremes)
@@ -110,8 +110,8 @@ def check_torque_bands(
         # exceeds a limit of acceleration or jerk.
         is_decided = width < WINDOW_WIDTHS[0] and not any(joint.jerk for joint in robot.joints)
         for i, limit in torque_limits.items():
-            is_narrow = extremes[2, i] - extremes[1, i] < limit.high / 8
-            is_decided &= is_narrow and extremes[2, i] <= limit.high
+            low, high = extremes[1:, i].tolist()
+            is_decided &= high <= limit.high and high - low < limit.high / 8
     checks, unjudged = [], []
     for i, joint in enumerate(robot.joints):
         if extreme_times[0, i]:

@@ -9,6 +9,7 @@ keep their sections. The exit status is 1 if a case failed.
 from __future__ import annotations
 
 import argparse
+import importlib
 import multiprocessing
 import re
 import sys
@@ -36,6 +37,7 @@ FULL = {
     "violations": 7_600,
     "processes": 560,
     "opinions": 400,
+    "executions": 4_800,
 }
 """Number of cases with --full.
 
@@ -70,7 +72,9 @@ def main(words: list[str] | None = None) -> int:
         size = options.cases or SLICE.get(name, 100)
         rows = campaign(name, options.seed, None if options.full else seconds, size)
         failures += [row for row in rows if row.failures]
-        publish(options.output, name, section(rows, options.seed))
+        module = importlib.import_module(f"{__package__}.{name}")
+        text = getattr(module, "section", section)(rows, options.seed)
+        publish(options.output, name, text)
     print(options.output.read_text(encoding="utf-8"), flush=True)
     # the failures are repeated, because readers often see only the end of a log
     for row in failures:

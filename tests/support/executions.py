@@ -14,6 +14,7 @@ from ssm_planner.plans import Plan
 
 RPM = 2 * np.pi / 60
 COUNTS = 4096
+Recordings = list[AxisRecording]
 LEAD = 0.3
 """Time of rest in s before and after the motion."""
 
@@ -296,3 +297,151 @@ def kinds(found) -> set[str]:
             item.name for item in axis.limits if not item.held
         }
     return names
+
+
+def changed(recordings: Recordings, k: int, **changes: float) -> Recordings:
+    """Return recordings of which one has channels that are multiplied by factors."""
+    scaled = {name: factor * getattr(recordings[k], name) for name, factor in changes.items()}
+    return [*recordings[:k], replace(recordings[k], **scaled), *recordings[k + 1 :]]
+
+
+def swapped(recordings: Recordings, k: int) -> Recordings:
+    names = [recordings[k].joint, recordings[(k + 1) % 3].joint]
+    names = dict(zip(names, names[::-1], strict=True))
+    return [replace(item, joint=names.get(item.joint, item.joint)) for item in recordings]
+
+
+def twice(recordings: Recordings, k: int) -> Recordings:
+    return [
+        replace(
+            item,
+            time=np.append(item.time, item.time + item.time[-1] + 2e-3),
+            **{name: np.tile(getattr(item, name), 2) for name in ("w", "tau", "q")},
+        )
+        for item in recordings
+    ]
+
+
+def in_milliseconds(recordings: Recordings, k: int) -> Recordings:
+    return [replace(item, time=1000 * item.time) for item in recordings]
+
+
+def joint_and_begin(it: Executions, run: Run, rng: np.random.Generator) -> tuple[str, int]:
+    """Return the name of a joint, and the index of a sample at which it moves fast."""
+    joint = str(rng.choice(it.names))
+    fast = np.flatnonzero(np.abs(run.w[joint]) > 0.3 * it.plans[joint].peak)
+    return joint, int(rng.choice(fast[: len(fast) // 2]))
+
+
+def alternating(count: int, period: int) -> np.ndarray:
+    """Return a square wave (count,) of +1 and −1, with a period in samples."""
+    return np.where(np.arange(count) % period < period // 2, 1.0, -1.0)
+
+
+def runaway(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    """A motor runs away for 30 ms to 100 ms, during the motion or after it."""
+    joint, start = joint_and_begin(it, run, rng)
+    start = int(rng.choice([start, round((LEAD + it.duration + 0.1) / it.step)]))
+    samples = slice(start, start + round(rng.uniform(0.03, 0.1) / it.step))
+    run.w[joint][samples], run.tau[joint][samples] = 1500.0, 0.5
+    it.follow(run, joint)
+
+
+def spikes(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    """Some single samples show five times the largest torque."""
+    joint, start = joint_and_begin(it, run, rng)
+    run.tau[joint][start : start + 40 : 10] = 5 * it.joints[joint].motor.max_torque
+
+
+def broken_burst(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    """The torque is too high for 43 samples, except in every tenth sample."""
+    joint, start = joint_and_begin(it, run, rng)
+    burst = np.array([k for k in range(start, start + 43) if k % 10])
+    run.tau[joint][burst] = 6 * it.joints[joint].motor.max_torque
+
+
+def vibrating_speed(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    """The speed vibrates around the plan and exceeds its limit, although its means are right."""
+    joint, _ = joint_and_begin(it, run, rng)
+    swing = alternating(len(run.w[joint]), int(rng.choice([2, 4, 8])))
+    limit = it.joints[joint].velocity * it.plans[joint].ratio
+    beyond = limit / it.plans[joint].peak - 1
+    run.w[joint] *= 1 + (beyond + rng.choice([0.12, 0.3, 1.0, 5.0])) * swing
+    it.follow(run, joint)
+
+
+def vibrating_torque(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    joint, _ = joint_and_begin(it, run, rng)
+    moves = np.abs(run.w[joint]) > 0.02 * it.plans[joint].peak
+    swing = alternating(len(moves), int(rng.choice([2, 4, 8]))) * moves
+    run.tau[joint] += it.joints[joint].motor.max_torque * rng.uniform(1.0, 3.0) * swing
+
+
+def oscillating_torque(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    """The torque oscillates around the planned torque, and stays below its limit."""
+    joint, _ = joint_and_begin(it, run, rng)
+    swing = np.sign(np.sin(2 * np.pi * rng.uniform(3, 12) * run.time[joint]))
+    run.tau[joint] *= 1 + rng.uniform(0.7, 1.0) * swing
+
+
+def oscillating_speed(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    """The acceleration exceeds its limit several times, although position and speed keep theirs."""
+    joint, _ = joint_and_begin(it, run, rng)
+    t = run.time[joint] - LEAD
+    inside = np.where((t > 0.1) & (t < it.duration - 0.1), np.sin(np.pi * t / it.duration) ** 2, 0)
+    rate = 2 * np.pi * rng.uniform(10, 16)
+    size = 3.5 * it.joints[joint].acceleration / rate**2
+    offset = size * np.sin(rate * t) * inside
+    run.q[joint] = run.q[joint] + offset
+    run.w[joint] = run.w[joint] + np.gradient(offset, t) * it.plans[joint].ratio
+
+
+def low_speed(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    """The speed is too low in the recording, although the position is right."""
+    joint, _ = joint_and_begin(it, run, rng)
+    run.w[joint] *= rng.uniform(0.7, 0.9)
+
+
+def late_recorder(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    """The first 12 ms of a short motion, or the last 0.6 % of a long motion, are not recorded."""
+    start, end = LEAD + 0.012, LEAD + 0.994 * it.duration
+    for name in it.names:
+        t = run.time[name]
+        run.keep(name, t > start if it.duration < 10 else t < end)
+
+
+def saturated_after_a_rest(it: Executions, run: Run, rng: np.random.Generator) -> None:
+    """The torque is almost at its limit for 70 ms, in a recording with a long rest."""
+    joint, start = joint_and_begin(it, run, rng)
+    sign = np.sign(run.w[joint][start])
+    run.tau[joint][start : start + round(0.07 / it.step)] = (
+        0.999 * sign * it.joints[joint].motor.max_torque
+    )
+    add_rest(it, run, 7.0)
+
+
+def add_rest(it: Executions, run: Run, duration: float) -> None:
+    count = round(duration / it.step)
+    for name in it.names:
+        run.time[name] = it.step * np.arange(len(run.time[name]) + 2 * count)
+        for channel in (run.w, run.tau):
+            channel[name] = np.pad(channel[name], count)
+        run.q[name] = np.pad(run.q[name], count, mode="edge")
+
+
+HIDDEN: dict[str, Callable[[Executions, Run, np.random.Generator], None]] = {
+    function.__name__: function
+    for function in (
+        runaway,
+        spikes,
+        broken_burst,
+        vibrating_speed,
+        vibrating_torque,
+        oscillating_torque,
+        oscillating_speed,
+        low_speed,
+        late_recorder,
+        saturated_after_a_rest,
+    )
+}
+"""These faults resemble spikes, noise or rest."""

@@ -15,6 +15,7 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification import torque_bands
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 from tests.campaign.adversary import varied
@@ -115,6 +116,41 @@ def test_fine_tables_are_judged(
             if line.name == TORQUE:
                 assert line.worst == pytest.approx(true[str(line.joint)], rel=0.5)
                 assert motion.breaks[0] <= line.time <= motion.breaks[-1]
+
+
+@pytest.mark.parametrize(
+    ("share", "jerk", "widths"),
+    [(6.0, None, {64, 16}), (1.0, None, {64, 16, 4, 1}), (6.0, 1e6, {64, 16, 4, 1})],
+)
+def test_narrow_windows_bound_torques_that_wide_ones_do_not_decide(
+    robot: Robot,
+    monkeypatch: pytest.MonkeyPatch,
+    share: float,
+    jerk: float | None,
+    widths: set[int],
+) -> None:
+    """Torques far below their limits are decided by the wide windows.
+
+    A table that exceeds a jerk limit may show a torque in a narrow window alone.
+    """
+    motion = smooth(robot)
+    limits = {name: share * torque for name, torque in peaks(motion, robot).items()}
+    strong = with_torques(robot, limits)
+    joints = tuple(dataclasses.replace(joint, jerk=jerk) for joint in strong.joints)
+    used = set()
+    bounds = torque_bands._window_bounds
+
+    def recorded(t: np.ndarray, *values: object, with_torques: bool) -> np.ndarray:
+        if with_torques:
+            used.add(round(float(t[1, 0, 0] - t[0, 0, 0]) * 1000))
+        return bounds(t, *values, with_torques=with_torques)
+
+    monkeypatch.setattr(torque_bands, "_window_bounds", recorded)
+    s = motion.uniform(1000.0)
+    strong = dataclasses.replace(strong, joints=joints)
+    result = check(through(s.q, s.t), strong, resolution=np.zeros(4))
+    assert used == widths
+    assert set(verdicts(result).values()) == {"kept" if share > 1 else "not judged"}
 
 
 def test_a_band_that_contains_the_limit_is_stated(robot: Robot) -> None:
