@@ -166,9 +166,9 @@ def _motor_torque_range(
     """Return the lowest and the highest possible motor torque at each setpoint.
 
     The range covers every combination of accelerations that the joints may have near the setpoint.
-    For a joint at rest, it also covers every state of friction. The motor torque is evaluated at
-    the corners of the range of accelerations, that is, at all combinations of their lowest and
-    highest values, and at the centre.
+    For a joint at rest, it also covers every state of friction. The motor torque of a joint depends
+    on its own acceleration and on its load. It is evaluated at the ends of both ranges, at the
+    middle of the load, and at the centre.
 
     Parameters
     ----------
@@ -194,21 +194,24 @@ def _motor_torque_range(
     low = np.full((4, len(t)), np.inf)
     high = np.full((4, len(t)), -np.inf)
     for block in blocks(len(t), PIECES_PER_BLOCK):
-        motion = q[block], qd[block]
-        still = np.zeros_like(motion[0])
-        # The load is affine in the accelerations.
-        load = body.inverse_dynamics(*motion, still).T
-        inertia = [body.inverse_dynamics(*motion, still + unit).T - load for unit in np.eye(4)]
+        mass = body.mass_matrix(q[block]).T
         speed, at_rest, low_qdd, high_qdd = (
             np.ascontiguousarray(values[block].T) for values in (qd, standing, lowest, highest)
         )
         resting = np.flatnonzero(at_rest.any(axis=0))
         cases: list[tuple[Any, float, bool]] = [(slice(None), 1.0, False)]
         cases += [(resting, sign, breaking) for sign, breaking in REST_FRICTION_STATES]
+        middle = (low_qdd + high_qdd) / 2
+        half = (high_qdd - low_qdd) / 2
+        # The load is affine in the accelerations.
+        load = body.inverse_dynamics(q[block], qd[block], middle.T).T
+        effects = np.abs(mass) * half
+        own_effect = effects[range(4), range(4)]
+        other_effect = effects.sum(axis=1) - own_effect
         # The motor torque is monotonic in each acceleration, except where its effort changes sign.
-        for share in [*product((0.0, 1.0), repeat=4), (0.5,) * 4]:
-            qdd = low_qdd + np.array(share)[:, None] * (high_qdd - low_qdd)
-            tau = load + sum(column * qdd[k] for k, column in enumerate(inertia))
+        for own, other in [*product((-1, 1), (-1, 0, 1)), (0, 0)]:
+            qdd = middle + own * half
+            tau = load + own * own_effect + other * other_effect
             for rows, sign, breaking in cases:
                 for i in offsets:
                     drive = robot.joints[i].drive

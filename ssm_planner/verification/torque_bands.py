@@ -103,7 +103,7 @@ def check_torque_bands(
             times = np.where(highest > maxima, t[rows[1, values.argmax(axis=1)]], times)
             maxima = np.maximum(highest, maxima)
         # The third row contains upper bounds, of which the smallest counts.
-        better = maxima * [[1], [1], [-1]] > extremes * [[1], [1], [-1]]
+        better = (maxima > extremes) != [[False], [False], [True]]
         extremes = np.where(better, maxima, extremes)
         extreme_times = np.where(better, times, extreme_times)
         # A band below the limit contains the torques of all narrower windows, unless the table
