@@ -13,7 +13,7 @@ import re
 import shutil
 import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -121,7 +121,11 @@ class Outcome(NamedTuple):
 
 def run(count: int, seed: int) -> list[Row]:
     """Run one climb for each of the six formats. Each climb gets a sixth of the count."""
-    rows = []
+    return list(climbs(count, seed))
+
+
+def climbs(count: int, seed: int) -> Iterator[Row]:
+    """Yield the row of each format when its climb ends."""
     for number, form in enumerate(FORMS):
         counted = Count(f"adversary: {form}")
         with tempfile.TemporaryDirectory() as name:
@@ -129,8 +133,7 @@ def run(count: int, seed: int) -> list[Row]:
             for case in range(count // len(FORMS)):
                 genes, fault = climb.step()
                 counted.add(fault and f"seed {seed} {form} case {case}: {fault}; {shown(genes)}")
-        rows.append(counted.row)
-    return rows
+        yield counted.row
 
 
 def shown(genes: Genes) -> str:
