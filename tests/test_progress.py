@@ -29,6 +29,7 @@ def simulate(progress: Progress) -> object:
     return ssm_planner.simulate(ROOT / "results/tilt_insert", scenario, progress=progress)
 
 
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("work", [pytest.param(identify, marks=pytest.mark.slow), plan, simulate])
 def test_long_work_reports_steps_that_count_forwards(work: Callable[[Progress], object]) -> None:
     steps: list[Step] = []

@@ -289,6 +289,7 @@ def test_the_folder_of_a_plan_is_checked_like_its_file() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_identify_and_predict_give_values() -> None:
     result = ssm_planner.identify(ROOT / "problems/drives/rig3_worm.yaml")
     assert result.drive.friction is not None

@@ -86,6 +86,7 @@ def test_a_motor_that_produces_energy_has_a_wrong_sign(load: float) -> None:
 
 @pytest.mark.skipif(not REAL, reason="the recordings are not beside the project")
 @pytest.mark.parametrize("rig", [1, 2, 3])
+@pytest.mark.usefixtures("few_points")
 def test_the_sessions_of_the_paper_went_from_fast_to_slow(rig: int) -> None:
     name = ("lead_screw", "antibacklash_screw", "worm")[rig - 1]
     folder = RECORDINGS / f"drive{rig}_{name}" / "steady_state"

@@ -153,6 +153,7 @@ def test_the_command_writes_the_committed_document(made: Made) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_without_recordings_their_rows_are_left_out_with_the_reason(
     inputs: Inputs, tmp_path: Path
 ) -> None:

@@ -34,6 +34,7 @@ def first_sentence(page: Path) -> str:
 
 @pytest.mark.parametrize("name", WRITTEN)
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_a_folder_has_a_page_that_begins_with_its_conclusion(name: str, tmp_path: Path) -> None:
     words, conclusion = WRITTEN[name]
     assert main([*words, "-o", str(tmp_path)]) in (0, 1)
