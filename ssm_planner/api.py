@@ -97,8 +97,12 @@ def check_speeds(
 
     Parameters
     ----------
-    motion, robot, limits
-        See `check`. A file must be a plan.
+    motion : Plan, Trajectory, str or Path
+        Plan, trajectory, or the file of a plan.
+    robot : Robot, optional
+        Robot whose limits apply. The default is the robot of the plan. A trajectory needs a robot.
+    limits : TaskLimits, optional
+        Limits of the task. The default is the limits of the plan, or the ranges of the robot.
     slowest : float
         Smallest playback speed as a fraction of the planned speed.
 
@@ -136,8 +140,12 @@ def controlled_stops(
 
     Parameters
     ----------
-    motion, robot, limits
-        See `check`. A file must be a plan.
+    motion : Plan, Trajectory, str or Path
+        Plan, trajectory, or the file of a plan.
+    robot : Robot, optional
+        Robot whose limits apply. The default is the robot of the plan. A trajectory needs a robot.
+    limits : TaskLimits, optional
+        Limits of the task. The default is the limits of the plan, or the ranges of the robot.
     instants : int
         Number of instants at which a stop begins.
 

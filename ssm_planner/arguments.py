@@ -44,7 +44,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        """Check the arguments, and call the function."""
+        """Check the arguments of a call, and then call the decorated function with them."""
         for name, value in signature.bind(*args, **kwargs).arguments.items():
             parameter = signature.parameters[name]
             if value is parameter.default:
@@ -72,6 +72,11 @@ def _matches(hint: Any, value: Any) -> bool:
         Annotation, such as `float | None` or `Sequence[Motor]`.
     value : object
         Argument to check.
+
+    Returns
+    -------
+    bool
+        True if the value is accepted.
     """
     value_type = get_origin(hint) or hint
     arguments = get_args(hint)
@@ -95,7 +100,7 @@ def _matches(hint: Any, value: Any) -> bool:
 
 
 def _is_numeric(value: Any) -> bool:
-    """Return True if a value can be converted to an array of numbers."""
+    """Return True if a value can be converted to an array of integers or floats."""
     import numpy as np
 
     try:

@@ -102,7 +102,7 @@ def write_text(path: Path, text: str) -> None:
     Raises
     ------
     ExportError
-        See `replacing`.
+        If the folder cannot be written, or if `path` is not a regular file.
     """
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

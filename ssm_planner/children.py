@@ -40,10 +40,11 @@ def python_command(code: str) -> list[str]:
 
 
 def module_folders() -> list[str]:
-    """Return the folders from which this process imports modules, without the working directory.
+    """Return the folders from which a child process may import modules.
 
-    A child process that uses these folders cannot import a module that lies in the working
-    directory by accident. The working directory remains if it contains this package.
+    They are those of this process without the working directory, so that the child cannot import a
+    module that lies in the working directory by accident. The working directory remains if it
+    contains this package.
 
     Returns
     -------

@@ -34,6 +34,11 @@ def format_number(value: float | None, digits: int = 3) -> str:
         Number. Magnitudes below 1e-12 become 0, and None becomes `MISSING_VALUE`.
     digits : int
         Number of significant digits.
+
+    Returns
+    -------
+    str
+        Number with a minus sign (U+2212) instead of a hyphen.
     """
     if value is None:
         return MISSING_VALUE
@@ -49,6 +54,11 @@ def format_fixed(value: float | None, decimals: int) -> str:
         Number. A result of −0 becomes 0, and None becomes `MISSING_VALUE`.
     decimals : int
         Number of digits after the decimal point.
+
+    Returns
+    -------
+    str
+        Number with a minus sign (U+2212) instead of a hyphen.
     """
     if value is None:
         return MISSING_VALUE

@@ -66,6 +66,23 @@ class ProblemError(SsmPlannerError):
         value: object = None,
         allowed: str | None = None,
     ) -> None:
+        """Store the parts of the message.
+
+        Parameters
+        ----------
+        reason : str
+            Fault, such as "not greater than zero".
+        file : str or Path, optional
+            File with the fault.
+        line : int, optional
+            Line of the file, from 1.
+        key : str, optional
+            Key of the value in the file, or name of the argument.
+        value : object, optional
+            Invalid value.
+        allowed : str, optional
+            Description of the allowed values.
+        """
         self.reason = reason
         self.file = None if file is None else str(file)
         self.line = line

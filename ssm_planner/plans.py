@@ -118,7 +118,7 @@ def _package_version(package: str) -> str:
 
 @frozen
 class PhaseSummary:
-    """Summary of one phase of a plan, with its duration and reference durations, in s, rad and m.
+    """Summary of one phase of a plan, with its duration and reference durations in SI units.
 
     A phase is an entry of the motion list of the problem.
 
@@ -205,7 +205,9 @@ class PhaseSummary:
         return self.duration / self.toppra_duration - 1 if self.toppra_duration else 0.0
 
     def with_opinion(self, opinion: Opinion) -> PhaseSummary:
-        """Return the summary with toppra's duration and the lower bound along the path.
+        """Add the result of the cross-check by toppra to the summary.
+
+        toppra is an independent program that computes the shortest duration along a given path.
 
         A duration by toppra below the proven lower bound of the phase shows an error of toppra. The
         returned summary then has no such duration, and `not_judged` states the reason. A duration
@@ -227,6 +229,7 @@ class PhaseSummary:
         if duration is not None and duration < (1 - GRID_TOLERANCE) * self.lower_bound:
             reason = f"its {duration:.6g} s are below the lower bound of {self.lower_bound:.6g} s"
             duration = None
+        # A duration of None stays None.
         duration = duration and max(duration, self.lower_bound)
         # If a motion is slower than its path allows, limits that toppra does not consider slow it
         # down, and toppra's sensitivities do not apply.
@@ -469,10 +472,9 @@ class Plan:
     ) -> Plan:
         """Return the plan with toppra's durations along its paths, and the proof of its limits.
 
-        The command `plan` and the method `save` call this method, but the function `plan` does not.
-        The plan is returned unchanged if it did not pass the check, if it has no phases, if another
-        planner than `optimal` made it, or if toppra has checked it already. If toppra or the proof
-        contradicts the check, the returned plan has a `reason`.
+        The program toppra computes the shortest duration along a given path. The proof bounds each
+        limited quantity over continuous time. The command `plan` and the method `save` call this
+        method, but the function `plan` does not.
 
         Parameters
         ----------
@@ -483,12 +485,16 @@ class Plan:
         Returns
         -------
         Plan
-            Plan with cross-checked phases, the proof and the version of toppra.
+            Plan with cross-checked phases, the proof and the version of toppra. If toppra or the
+            proof contradicts the check, the plan has a `reason`. The plan is returned unchanged if
+            it did not pass the check, if it has no phases, if another planner than `optimal` made
+            it, or if toppra has checked it already.
         """
         is_requested = self.problem.planner == "optimal" and "toppra" not in self.software
         if not (is_requested and self.passed and self.phases):
             return self
-        results = {"sizing": self.sizing, "stops": self.stops}  # while the second process works
+        # These two results are computed while the second process works, and are kept.
+        results = {"sizing": self.sizing, "stops": self.stops}
         opinions, proof = ask() or second_opinions_and_proofs(self.motion, self.problem)
         phases = map(PhaseSummary.with_opinion, self.phases, opinions)
         versions = {**self.software, "toppra": _package_version("toppra")}
@@ -682,19 +688,19 @@ class Plan:
         tuple of str
             Sentences with the name and both bounds of the limit.
         """
-        of_robot = {limit.key: limit for limit in _limits_of(robot)}
-        of_plan = {limit.key: limit for limit in _limits_of(self.robot)}
+        robot_limits = {limit.key: limit for limit in _limits_of(robot)}
+        plan_limits = {limit.key: limit for limit in _limits_of(self.robot)}
         notes = []
-        for key in {**of_plan, **of_robot}:
-            plan_bound = of_plan.get(key)
-            robot_bound = of_robot.get(key)
-            if plan_bound == robot_bound:
+        for key in {**plan_limits, **robot_limits}:
+            plan_limit = plan_limits.get(key)
+            robot_limit = robot_limits.get(key)
+            if plan_limit == robot_limit:
                 continue
             name, joint = key
             description = f"{name} of joint {joint}" if joint else name
             notes.append(
-                f"the plan was made for another limit: {description}: {_bounds_text(plan_bound)}; "
-                f"the robot given has {_bounds_text(robot_bound)}"
+                f"the plan was made for another limit: {description}: {_bounds_text(plan_limit)}; "
+                f"the robot given has {_bounds_text(robot_limit)}"
             )
         return tuple(notes)
 
@@ -721,12 +727,14 @@ class Plan:
     def _slow_phases(self) -> list[str]:
         """Return remarks on phases for which toppra finds a shorter motion along the path.
 
+        toppra is an independent program that computes the shortest duration along a path.
+
         There are no remarks if a limit that toppra does not consider can slow the motion down. With
         the objective "time then heat", the planner deliberately adds up to
         `HEAT_OBJECTIVE_ALLOWANCE` to the duration, so only larger differences cause a remark.
         """
         limits = self.certificate.limits if self.certificate else ()
-        slowed = any(
+        is_slowed = any(
             limit.name in LIMITS_IGNORED_BY_TOPPRA and limit.margin < BINDING_MARGIN
             for limit in limits
         )
@@ -737,7 +745,7 @@ class Plan:
             f"toppra finds a motion along the path of {phase.name} that is "
             f"{100 * phase.difference:.2f} % shorter"
             for phase in self.phases
-            if "toppra" in self.software and not slowed and phase.difference > allowed
+            if "toppra" in self.software and not is_slowed and phase.difference > allowed
         ]
 
     @property
@@ -755,6 +763,12 @@ class Plan:
 
         It begins with the attributes `SUMMARY_FIELDS`. The trajectory, the complete certificate and
         the stops are only in plan.json.
+
+        Returns
+        -------
+        dict
+            Attributes `SUMMARY_FIELDS`, and then results of the check, the sizing and the phases as
+            JSON types.
         """
         summary = {
             **get_attributes(self, SUMMARY_FIELDS),
@@ -815,6 +829,7 @@ class Plan:
         if self.trajectory is None:
             yield text + "\n"
             return
+        # The text ends with "trajectory": null, in which the parts of the trajectory replace null.
         yield text.removesuffix("null\n}")
         yield from self.trajectory.json_parts()
         yield "\n}\n"
@@ -853,6 +868,11 @@ class Plan:
             Content of the file.
         file : Path
             Name of the file for messages.
+
+        Returns
+        -------
+        Plan
+            The plan with the attributes `file` and `file_sha256`.
 
         Raises
         ------
@@ -1101,6 +1121,11 @@ def _required_mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
     path : Path
         Name of the file for the message.
 
+    Returns
+    -------
+    dict
+        The mapping.
+
     Raises
     ------
     TrajectoryError
@@ -1140,6 +1165,7 @@ def _range_notes(problem: Problem) -> list[str]:
     """
 
     def text(name: str, ends: tuple[float, float]) -> str:
+        """Format a range of a task coordinate with units."""
         unit = TaskRange(name, *ends).unit
         return " to ".join(format_quantity(end, unit) for end in ends)
 
@@ -1152,13 +1178,15 @@ def _range_notes(problem: Problem) -> list[str]:
 
 
 def _long_turns(robot: Robot, turns: Array) -> Iterator[tuple[str, float, float]]:
-    """Yield the joints with an angle above half a turn.
+    """Yield the joints whose angle exceeds half a turn.
 
     Parameters
     ----------
     robot : Robot
+        Robot with the joints.
     turns : (4,) array
-        Angles of the joints, rad. The value of a sliding joint is ignored.
+        Angles by which joints 1 to 3 turn, or at which they are, rad. The value of joint 4, which
+        slides, is ignored.
 
     Yields
     ------

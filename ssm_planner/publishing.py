@@ -305,7 +305,8 @@ def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
     Raises
     ------
     ExportError
-        See `_exchange`.
+        Before any change, if a file that no export wrote would be replaced, or if the folder
+        contains files of another format or plan.
     """
     flush_to_disk(source)
     with held_signals():

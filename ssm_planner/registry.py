@@ -59,6 +59,11 @@ class Registry(Mapping[str, N]):
         key : str, optional
             Key of the name in its file, for the message.
 
+        Returns
+        -------
+        object
+            The object.
+
         Raises
         ------
         ProblemError

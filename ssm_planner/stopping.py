@@ -48,10 +48,13 @@ class Stops:
         return self.certificate.passed
 
     def to_dict(self) -> JsonObject:
-        """Return the content of the key `stops` of plan.json, in SI units.
+        """Convert the result to the content of the key `stops` of plan.json.
 
-        Besides the arrays of all stops and the limits of the certificate, it contains the stop that
-        takes longest ("longest") and the stop in which the tip moves farthest ("farthest").
+        Returns
+        -------
+        dict
+            The arrays of all stops, the limits of the certificate, and the stop that takes longest
+            ("longest") and the stop in which the tip moves farthest ("farthest"), in SI units.
         """
         slowest_stop = int(np.argmax(self.duration))
         longest_travel = int(np.argmax(self.travel))

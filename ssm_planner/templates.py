@@ -80,7 +80,7 @@ def schema(kind: str) -> JsonObject:
 
 
 def _check_kind(kind: str, allowed: tuple[str, ...]) -> None:
-    """Raise ProblemError unless a kind of file is one of `allowed`."""
+    """Raise ProblemError if a kind of file is not one of the allowed kinds."""
     if kind not in allowed:
         raise ProblemError(
             "unknown kind of file", key="kind", value=kind, allowed=", ".join(allowed)
@@ -121,6 +121,11 @@ def template(kind: str, name: str) -> str:
         "controller" or "study".
     name : str
         Value of the key `name`.
+
+    Returns
+    -------
+    str
+        Text of the file.
 
     Raises
     ------
@@ -226,10 +231,10 @@ class _TemplateWriter:
         yield _add_comment(f"{pad}{name}: {_flow_text(value, name in FILE_REFERENCE_KEYS)}", key)
 
     def _describe(self, path: str) -> bool:
-        """Return True if a key was not described before, and mark it as described.
+        """Return True if a key still needs a description, and mark it as described.
 
-        The three revolute joints share the descriptions of their keys, so only the first is
-        described.
+        The three revolute joints share the descriptions of their keys, so only those of the first
+        joint are written.
 
         Parameters
         ----------

@@ -35,12 +35,10 @@ def largest_speeds(
     speeds: tuple[float, float],
     exact_ends: bool,
 ) -> Array | None:
-    """Compute the largest squared speeds ṡ² on a grid of n intervals of a path.
+    """Compute the largest squared path speeds that a set of limits permits.
 
-    The acceleration s̈ is constant in each interval, so ṡ² grows by 2 s̈ Δ over an interval of the
-    length Δ. With this relation, the rows at the end of an interval become rows in s̈ and in ṡ² at
-    its start. Every row is divided by the larger magnitude of a and b, so that the absolute
-    tolerances of toppra have the same meaning for all rows.
+    The path is given by a parameter s, whose n intervals form a grid. The path speed is ṡ, and s̈
+    is the path acceleration.
 
     Parameters
     ----------
@@ -62,7 +60,15 @@ def largest_speeds(
     -------
     (n + 1,) array or None
         Largest ṡ² at the grid points, or None if no timing satisfies all rows.
+
+    Notes
+    -----
+    The acceleration s̈ is constant in each interval, so ṡ² grows by 2 s̈ Δ over an interval of the
+    length Δ. With this relation, the rows at the end of an interval become rows in s̈ and in ṡ² at
+    its start. Every row is divided by the larger magnitude of a and b, so that the absolute
+    tolerances of toppra have the same meaning for all rows.
     """
+    # toppra takes long to import, and most uses of the package do not need it.
     import toppra
     from toppra.constraint import LinearConstraint
     from toppra.interpolator import AbstractGeometricPath
@@ -83,11 +89,13 @@ def largest_speeds(
     b = (b / row_scale)[points]
     c = ((c - 1) / row_scale)[points]
 
+    # toppra expects a path and a constraint as objects, although it only uses the rows here.
     class Path(AbstractGeometricPath):  # type: ignore[misc, no-any-unimported]
         dof, path_interval, waypoints = 1, grid[[0, -1]], None
 
     class Limits(LinearConstraint):  # type: ignore[misc, no-any-unimported]
         def compute_constraint_params(self, *_: Any) -> tuple[Any, ...]:
+            """Return the rows in toppra's form F (a s̈ + b ṡ² + c) ≤ g, with F = 1 and g = 0."""
             count = a.shape[1]
             bounds = np.column_stack([np.zeros_like(ceiling), ceiling])
             return a, b, c, np.eye(count), np.zeros(count), None, bounds

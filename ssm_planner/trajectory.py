@@ -72,18 +72,19 @@ class Samples:
     t: Array
     """Times (n,), s."""
     q: Array
-    """Joint positions (n, 4), rad and m."""
+    """Joint positions (n, 4), rad for joints 1 to 3 and m for joint 4."""
     qd: Array
-    """Joint velocities (n, 4), rad/s and m/s."""
+    """Joint velocities (n, 4), rad/s for joints 1 to 3 and m/s for joint 4."""
     qdd: Array
-    """Joint accelerations (n, 4), rad/s² and m/s²."""
+    """Joint accelerations (n, 4), rad/s² for joints 1 to 3 and m/s² for joint 4."""
     qddd: Array
-    """Joint jerks (n, 4), rad/s³ and m/s³."""
+    """Joint jerks (n, 4), rad/s³ for joints 1 to 3 and m/s³ for joint 4."""
 
     def to_dataframe(self) -> Any:
         """Return the samples as a pandas DataFrame with one row for each time.
 
-        The columns are t, q1 … q4, qd1 … qd4, qdd1 … qdd4 and qddd1 … qddd4 in rad, m and s.
+        The columns are t (s), q1 … q4, qd1 … qd4, qdd1 … qdd4 and qddd1 … qddd4: positions in rad
+        (joints 1 to 3) and m (joint 4), and their first three derivatives with respect to s.
 
         Raises
         ------
@@ -103,10 +104,11 @@ class Trajectory:
 
     Parameters
     ----------
-    breaks : (m + 1,)
-        Strictly increasing times in s.
-    coefficients : (m, 6, 4)
-        Coefficients in rad/s^k and m/s^k, or an object that returns them block by block.
+    breaks : (m + 1,) array
+        Strictly increasing times in s. The piece i begins at breaks[i].
+    coefficients : (m, 6, 4) array
+        Coefficients of each piece, power k and joint, in rad/s^k for joints 1 to 3 and in m/s^k for
+        joint 4. An object that returns them for a slice of pieces is accepted, too.
     phases : tuple of Span
         Named sections that follow one another. Empty if the sections are not named.
 
@@ -198,12 +200,15 @@ class Trajectory:
 
         Parameters
         ----------
-        t : (n,)
+        t : (n,) array-like
             Strictly increasing times in s.
-        q, qd, qdd : (n, 4)
-            Joint positions, velocities and accelerations in rad, m and s. Missing velocities are
-            those of a cubic spline through the positions that is at rest at both ends. Without
-            accelerations, every piece is a cubic polynomial.
+        q : (n, 4) array-like
+            Joint positions, in rad for joints 1 to 3 and in m for joint 4.
+        qd : (n, 4) array-like, optional
+            Joint velocities in rad/s and m/s. By default, they are those of a cubic spline through
+            the positions that is at rest at both ends.
+        qdd : (n, 4) array-like, optional
+            Joint accelerations in rad/s² and m/s². Without them, every piece is a cubic polynomial.
 
         Returns
         -------
@@ -248,7 +253,8 @@ class Trajectory:
         Returns
         -------
         (n, 6, 4) array
-            Coefficients of each piece, power k and joint (rad/s^k and m/s^k).
+            Coefficients of each piece, power k and joint, in rad/s^k for joints 1 to 3 and in m/s^k
+            for joint 4.
         """
         return self.coefficients[index]
 
@@ -337,7 +343,7 @@ class Trajectory:
         Returns
         -------
         (n, 4) array
-            Joint positions (rad and m).
+            Joint positions, rad for joints 1 to 3 and m for joint 4.
         """
         q = np.empty((len(t), 4), order="F")  # the order of the results of `_derivatives`
         for block in blocks(len(t), PIECES_PER_BLOCK):
@@ -360,7 +366,8 @@ class Trajectory:
         Returns
         -------
         list of (n, 4) array
-            q, q̇ and so on up to this order (rad, m and s).
+            Positions and their derivatives up to this order. Positions are in rad for joints 1 to 3
+            and in m for joint 4, and times are in s.
         """
         derivatives = []
         # The values of one coefficient are contiguous in memory, which makes the loop fast.
@@ -372,6 +379,7 @@ class Trajectory:
                 value += coefficients[k]
             derivatives.append(value.T)
             if order < highest:
+                # Coefficients of the next derivative: d/dt c_k t^k = k c_k t^(k − 1).
                 coefficients = coefficients[1:] * np.arange(1, DEGREE + 1 - order)[:, None, None]
         return derivatives
 
@@ -391,6 +399,7 @@ class Trajectory:
         Samples
             Motion at the times start, start + 1/rate, … and end.
         """
+        # The factor compensates for rounding if the duration is a multiple of the interval.
         count = int(np.floor(self.duration * rate * (1 + 1e-12)))
         t = self.breaks[0] + np.arange(count + 1) / rate
         if self.breaks[-1] - t[-1] > 1e-9:
@@ -420,6 +429,7 @@ class Trajectory:
             """Return the time at which the slower motion has the position of the given time (s)."""
             return start + (time - start) / speed
 
+        # The k-th coefficient is multiplied by speed^k, since local times are stretched.
         powers = speed ** np.arange(DEGREE + 1)[None, :, None]
         phases = [Span(phase.name, later(phase.start), later(phase.end)) for phase in self.phases]
         return Trajectory(later(self.breaks), self.coefficients * powers, tuple(phases))
@@ -534,7 +544,8 @@ def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, li
     t : (n,) array-like
         Times (s).
     values : sequence of (n, 4) array-like
-        Joint positions and, if given, their derivatives (rad, m and s).
+        Joint positions and, if given, their first and second derivatives, in rad (joints 1 to 3), m
+        (joint 4) and s.
 
     Returns
     -------
@@ -615,18 +626,19 @@ def quintic_coefficients(length: Array, start: tuple[Array, ...], end: tuple[Arr
     length : (m,) array
         Durations h of the pieces (s).
     start, end : three (m, 4) arrays each
-        Joint positions, velocities and accelerations at the start and at the end of every piece
-        (rad, m and s).
+        Joint positions, velocities and accelerations at the start and at the end of every piece, in
+        rad (joints 1 to 3), m (joint 4) and s.
 
     Returns
     -------
     (m, 6, 4) array
-        Coefficients c_0 to c_5 of every piece and joint (rad/s^k and m/s^k).
+        Coefficients c_0 to c_5 of every piece and joint, in rad/s^k for joints 1 to 3 and in m/s^k
+        for joint 4.
     """
     h = length[:, None]
     q0, v0, a0 = start
     q1, v1, a1 = end
-    # scaled differences at the end from the quadratic polynomial that matches the start
+    # The quadratic polynomial that matches the start misses the end by these scaled differences.
     dq = (q1 - q0 - v0 * h - a0 * h**2 / 2) / h**3
     dv = (v1 - v0 - a0 * h) / h**2
     da = (a1 - a0) / h
@@ -651,12 +663,14 @@ def cubic_coefficients(length: Array, start: tuple[Array, ...], end: tuple[Array
     length : (m,) array
         Durations h of the pieces (s).
     start, end : two (m, 4) arrays each
-        Joint positions and velocities at the start and at the end of every piece (rad, m and s).
+        Joint positions and velocities at the start and at the end of every piece, in rad (joints 1
+        to 3), m (joint 4) and s.
 
     Returns
     -------
     (m, 6, 4) array
-        Coefficients c_0 to c_5 of every piece and joint (rad/s^k and m/s^k). c_4 and c_5 are zero.
+        Coefficients c_0 to c_5 of every piece and joint, in rad/s^k for joints 1 to 3 and in m/s^k
+        for joint 4. c_4 and c_5 are zero.
     """
     h = length[:, None]
     q0, v0 = start
@@ -694,7 +708,7 @@ class CubicPiece:
     """Duration, s."""
 
     def evaluate(self, c: Any) -> tuple[Any, Any, Any]:
-        """Return the position u, the velocity u̇ and the acceleration ü at the time c · h.
+        """Return the position, the velocity and the acceleration at a fraction of the duration.
 
         Parameters
         ----------
@@ -703,8 +717,8 @@ class CubicPiece:
 
         Returns
         -------
-        u, v, a : array or expression
-            u, u̇ and ü.
+        position, velocity, acceleration : array or expression
+            Values of u, u̇ and ü at this time.
         """
         t = c * self.h
         rise = self.a1 - self.a0
@@ -715,7 +729,7 @@ class CubicPiece:
         )
 
     def at_time(self, t: Any) -> tuple[Any, Any, Any]:
-        """Return the position u, the velocity u̇ and the acceleration ü at the time t.
+        """Return the position, the velocity and the acceleration at a time within the piece.
 
         Parameters
         ----------
@@ -724,8 +738,8 @@ class CubicPiece:
 
         Returns
         -------
-        u, v, a : array or expression
-            u, u̇ and ü.
+        position, velocity, acceleration : array or expression
+            Values of u, u̇ and ü at this time.
         """
         a0 = self.a0
         jerk = self.jerk
@@ -764,7 +778,7 @@ def rest_coefficients(q: Array) -> Array:
     Parameters
     ----------
     q : (4,) array
-        Joint positions (rad and m).
+        Joint positions, rad for joints 1 to 3 and m for joint 4.
 
     Returns
     -------
@@ -782,8 +796,8 @@ def join_sections(sections: Sequence[tuple[str, Array, Array]]) -> Trajectory:
     Parameters
     ----------
     sections : sequence of (str, (m + 1,) array, (m, 6, 4) array)
-        Name, breaks (s) and coefficients (rad/s^k and m/s^k) of each phase with m pieces. The
-        breaks of each phase start at 0.
+        Name, breaks (s) and coefficients of each phase with m pieces. The coefficients are in
+        rad/s^k for joints 1 to 3 and in m/s^k for joint 4. The breaks of each phase start at 0.
 
     Returns
     -------

@@ -255,7 +255,7 @@ def parse_vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     value : object
         List of quantities, or text with one unit after the bracket.
     kinds : tuple of str
-        Kind of quantity of each component, see `parse_quantity`.
+        Kind of quantity of each component, a key of `QUANTITY_KINDS`, "number" or "share".
 
     Returns
     -------
@@ -293,7 +293,7 @@ def parse_interval(value: object, unit_kind: str) -> tuple[float, float]:
     value : object
         List of two quantities, or text with one unit after the bracket.
     unit_kind : str
-        Kind of quantity of both bounds, see `parse_quantity`.
+        Kind of quantity of both bounds, a key of `QUANTITY_KINDS`, "number" or "share".
 
     Returns
     -------
@@ -415,6 +415,7 @@ def _parse_unit(text: str) -> tuple[float, Dimensions]:
         factor *= scale**power
         for dimension, inner_power in dimensions:
             powers[dimension] += power * inner_power
+    # Dimensions that cancel, such as that of rad in rad/rad, are omitted.
     return factor, tuple(sorted(item for item in powers.items() if item[1] != 0))
 
 
@@ -479,13 +480,16 @@ def _unit_without_prefix(name: str) -> tuple[float, Dimensions] | None:
 def _quantity_name(dimensions: Dimensions) -> str:
     """Return the name of the quantity with given dimensions, for messages.
 
-    The result is the name of the first kind of quantity with these dimensions, "a pure number", or
-    a text of the dimensions, such as "a [length]^4".
-
     Parameters
     ----------
     dimensions : Dimensions
         Powers of the base dimensions.
+
+    Returns
+    -------
+    str
+        Name of the first kind of quantity with these dimensions, "a pure number", or a text of the
+        dimensions, such as "a [length]^4".
     """
     for kind in QUANTITY_KINDS.values():
         if _parse_unit(kind.unit)[1] == dimensions:
@@ -510,6 +514,11 @@ def describe(value: object) -> str:
     ----------
     value : object
         Value from a YAML file.
+
+    Returns
+    -------
+    str
+        Type with an article, or "nothing" for None.
     """
     descriptions = {
         type(None): "nothing",

@@ -102,7 +102,7 @@ def run_reproduce(options: Namespace) -> int:
     Returns
     -------
     int
-        Exit status: 0 if all tables and figures agree with the paper, and 1 otherwise.
+        Exit status: 0 if every motion was planned and passed the check, and 1 otherwise.
     """
     progress = progress_reporter()
     folder = options.output / "paper"
