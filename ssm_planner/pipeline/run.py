@@ -11,15 +11,14 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
 from threading import RLock
-from typing import ParamSpec, TypeVar
-from warnings import warn
 
 import numpy as np
 
 from ssm_planner.arguments import checked
+from ssm_planner.deprecation import renamed_arguments
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import Mechanism, task_from_joints, task_rates
 from ssm_planner.loading.load import load_problem
@@ -56,8 +55,6 @@ from ssm_planner.verification.limits import JUMP_TOLERANCE
 from ssm_planner.verification.promises import PromiseResult, check_path_promises
 from ssm_planner.verification.stops import quickest_stops
 
-P = ParamSpec("P")
-T = TypeVar("T")
 _ONE_AT_A_TIME = RLock()
 """Plans share programs and solutions, so only one thread plans at a time.
 
@@ -65,27 +62,7 @@ Two threads would not be faster, since Python runs one of them.
 """
 
 
-def _renamed(**names: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Return a decorator that also accepts old names of arguments, `old=new`, with a warning."""
-
-    def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        """Return the function with the additional names of its arguments."""
-
-        @wraps(function)
-        def call(*args: P.args, **kwargs: P.kwargs) -> T:
-            """Replace old names of arguments and call the function."""
-            for old, new in names.items():
-                if old in kwargs:
-                    warn(f"{old}= is now {new}=", DeprecationWarning, stacklevel=2)
-                    kwargs[new] = kwargs.pop(old)
-            return function(*args, **kwargs)
-
-        return call
-
-    return decorate
-
-
-@_renamed(found="on_solution", cured="on_relaxation")
+@renamed_arguments(found="on_solution", cured="on_relaxation")
 @checked
 def plan(
     problem: Problem | str | Path,
