@@ -70,17 +70,23 @@ static void sparse_rows(Evaluator *e)
     e->a_first[p->linear_rows] = count;
 }
 
-/* whether linear row l depends on an unknown of element k that is free; matrix: M there */
+/* whether an equality gives entry `column` of z in element k */
+static int is_given(const Program *p, long k, long column)
+{
+    for (long q = 0; q < p->equal_count; q++)
+        if (p->equal_at[q] == k && p->equal_entry[q] == column)
+            return 1;
+    return 0;
+}
+
+/* whether linear row l depends on an unknown of element k that is free and that no equality gives; matrix: M there */
 static int depends(const Evaluator *e, long k, long l, double matrix[GIVEN][LOCAL])
 {
     const Program *p = e->program;
-    for (long q = 0; q < p->equal_count; q++)
-        if (p->equal_at[q] == k && p->matrix[l * e->states + p->equal_entry[q]] != 0.0)
-            return 0;
     for (long a = e->a_first[l]; a < e->a_first[l + 1]; a++) {
         const long column = e->a_column[a], of_state = column - (column > LOCAL * e->m), i = of_state % e->m;
         const double *row = matrix[of_state / e->m];
-        if (column == LOCAL * e->m)
+        if (column == LOCAL * e->m || is_given(p, k, column))
             continue;
         const double most = fmax(fmax(fabs(row[0]), fabs(row[1])), fmax(fabs(row[2]), fabs(row[3])));
         for (long j = 0; j < LOCAL; j++)

@@ -13,12 +13,14 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.planner import plan_motion
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK_COORDINATES, TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
+from ssm_planner.verification.check import check
 
 WithJerk = Callable[[Robot, float, float], Robot]
 
@@ -93,6 +95,20 @@ def test_a_free_motion_meets_them_too(tilt_insert: Problem, objective: str) -> N
     assert first == pytest.approx(as_array(rate), abs=1e-9)
     assert last == pytest.approx(as_array(rate), abs=1e-9)
     assert result.duration <= 1.001 * plan(free(tilt_insert)).duration
+
+
+@pytest.mark.parametrize("end", ["start_rate", "end_rate"])
+def test_the_first_motion_at_speed_keeps_the_jerk_limits(
+    tilt_insert: Problem, with_jerk: WithJerk, end: str
+) -> None:
+    """The acceleration is 0 at an end at speed, and its rise beside this end is limited too."""
+    robot = with_jerk(tilt_insert.robot, 35.0, 1.0)
+    rates = {"roll": 0.2, "tilt": -0.2, "depth": 0.004}
+    problem = free(tilt_insert, robot=robot, planner="fast", **{end: rates})
+    motion = plan_motion(dataclasses.replace(problem, start=Joints((-0.5, 0.6, 0.0, -0.005))))
+    assert motion.trajectory is not None
+    assert motion.phases[0].motion.solver == "structured"
+    assert check(motion.trajectory, robot, problem.task_limits).passed
 
 
 def test_one_joint_alone_gains_what_the_closed_form_says(tilt_insert: Problem) -> None:
