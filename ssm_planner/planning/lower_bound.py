@@ -480,13 +480,10 @@ def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) 
     return SCurve.from_pieces(lengths, start, end, speed)
 
 
-def stopping_curves(
-    robot: Robot, qd: Array, qdd: Array, share: float = 1.0, *, together: bool = False
-) -> list[SCurve | None]:
+def stopping_curves(robot: Robot, qd: Array, qdd: Array, share: float = 1.0) -> list[SCurve | None]:
     """Return the quickest stops of all joints from given velocities and accelerations.
 
-    If the joints shall stop together, a bisection finds the largest acceleration of each joint with
-    which it stops when the slowest one does.
+    Every joint stops as soon as it can, and rests until the last one has stopped.
 
     Parameters
     ----------
@@ -496,32 +493,20 @@ def stopping_curves(
         Joint velocities q̇ and accelerations q̈ at the beginning.
     share : float
         Share of the acceleration limits that the joints use.
-    together : bool
-        True if all joints stop at the same time. Otherwise, every joint stops as soon as it can,
-        and rests until the last one has stopped.
 
     Returns
     -------
     list of SCurve or None
         Motion of every joint. None for a joint at rest.
     """
-    joints = list(zip(qd.tolist(), qdd.tolist(), robot.joints, strict=True))
-
-    def curve(k: int, limit: float) -> SCurve | None:
-        """Return the stop of joint k with a limit of its acceleration. None if the joint rests."""
-        speed, acceleration, joint = joints[k]
-        jerk = joint.jerk or np.inf
-        return quickest_stop(speed, acceleration, limit, jerk) if speed or acceleration else None
-
-    limits = share * robot.accelerations
-    curves = [curve(k, limits[k]) for k in range(4)]
+    joints = zip(qd.tolist(), qdd.tolist(), robot.joints, strict=True)
+    curves = [
+        quickest_stop(speed, acceleration, share * joint.acceleration, joint.jerk or np.inf)
+        if speed or acceleration
+        else None
+        for speed, acceleration, joint in joints
+    ]
     longest = max((stop.duration for stop in curves if stop is not None), default=0.0)
-    low, high = np.zeros(4), limits
-    for _ in range(BISECTION_STEPS * together):
-        middle = (low + high) / 2
-        curves = [curve(k, middle[k]) for k in range(4)]
-        is_late = np.array([stop is not None and stop.duration > longest for stop in curves])
-        low, high = np.where(is_late, middle, low), np.where(is_late, high, middle)
     return [stop and stop.followed_by_rest(longest) for stop in curves]
 
 

@@ -68,12 +68,9 @@ class StopFirst(InParts):
         return self._append_part(stop, _remaining_phase(self.planner.phase, stop), TaskLine, InTurn)
 
     def _stop(self) -> PhaseSolution | None:
-        """Return the stop after which the lower bound on the complete duration is smallest.
+        """Return the quickest stop that keeps all limits, with the first possible acceleration.
 
-        There are two stops for each of `ACCELERATION_SHARES`: every joint stops as soon as it can,
-        or all joints stop at the same time. The first share with which a stop keeps all limits
-        decides. If both of its stops keep them, the one is taken that leaves the shorter way: the
-        sum of its duration and of the lower bound of the rest of the phase is smallest.
+        `ACCELERATION_SHARES` lists the accelerations that are tried.
 
         Returns
         -------
@@ -81,18 +78,8 @@ class StopFirst(InParts):
             Motion to rest. None if no stop satisfies the limits.
         """
         robot, phase = self.planner.strict, self.planner.phase
-        for share in ACCELERATION_SHARES:
-            stops = [
-                _stop_in_closed_form(robot, phase, share, together=together)
-                for together in (False, True)
-            ]
-            usable = [stop for stop in stops if stop is not None]
-            if usable:
-                return min(
-                    usable,
-                    key=lambda stop: stop.duration + _remaining_phase(phase, stop).lower_bound,
-                )
-        return None
+        stops = (_stop_in_closed_form(robot, phase, share) for share in ACCELERATION_SHARES)
+        return next((stop for stop in stops if stop is not None), None)
 
 
 def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
@@ -118,10 +105,8 @@ def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
     return phase.from_rest(points)
 
 
-def _stop_in_closed_form(
-    robot: Robot, phase: Phase, share: float, *, together: bool
-) -> PhaseSolution | None:
-    """Build a stop in closed form, as a motion of the phase.
+def _stop_in_closed_form(robot: Robot, phase: Phase, share: float) -> PhaseSolution | None:
+    """Build a stop in closed form, as a motion of the phase. Each joint stops as soon as it can.
 
     Parameters
     ----------
@@ -131,15 +116,13 @@ def _stop_in_closed_form(
         Entry of the motion list whose path the solver chooses. It begins at speed.
     share : float
         Share of the acceleration limits that the joints use.
-    together : bool
-        True if all joints stop at the same time, False if each stops as soon as it can.
 
     Returns
     -------
     PhaseSolution or None
         None if a limit forbids the stop, or a place between its end and the target.
     """
-    curves = stopping_curves(robot, phase.qd_start, phase.qdd_start, share, together=together)
+    curves = stopping_curves(robot, phase.qd_start, phase.qdd_start, share)
     switches = np.unique(
         np.concatenate([curve.switching_times for curve in curves if curve is not None])
     )

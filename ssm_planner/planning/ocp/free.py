@@ -269,8 +269,6 @@ class _FreeProblemBuilder:
                 displacements[k],
                 speeds[k : k + 2],
                 kinematic_limits,
-                # Only the first segment begins with the initial acceleration.
-                start_acceleration=phase.qdd_start * (k == 0),
                 count=per_segment,
                 least_count=self.least_count,
             )

@@ -36,7 +36,6 @@ def guess_between(
     speeds: Array,
     limits: Array,
     *,
-    start_acceleration: Array,
     count: int,
     least_count: int,
 ) -> SegmentChain:
@@ -55,8 +54,6 @@ def guess_between(
         Joint velocities q̇ at both points.
     limits : (3, m) array
         Limits of velocity, acceleration and jerk of the joints.
-    start_acceleration : (m,) array
-        Joint accelerations q̈ at the first point.
     count : int
         Approximate number of elements.
     least_count : int
@@ -73,9 +70,8 @@ def guess_between(
             float(displacement[k]),
             (float(speeds[0, k]), float(speeds[1, k])),
             limits[:, k],
-            acceleration,
         )
-        for k, acceleration in enumerate(start_acceleration.tolist())
+        for k in range(len(start))
     ]
     slowest = max(profiles, key=lambda profile: profile.duration)
     duration = slowest.duration

@@ -14,7 +14,6 @@ from ssm_planner.planning.lower_bound import (
     BISECTION_STEPS,
     SCurve,
     minimum_times,
-    quickest_stop,
     rest_to_rest,
 )
 from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
@@ -36,7 +35,7 @@ class JointProfile:
     velocity: float
     """Limit of the velocity, at least as large as the velocities at both ends."""
     acceleration: float
-    """Acceleration of the changes of velocity, at most the limit."""
+    """Limit of the acceleration, which all changes of velocity reach."""
     jerk: float
     """Limit of the jerk. Infinite without a limit."""
     sign: float
@@ -48,7 +47,6 @@ class JointProfile:
         displacement: float,
         speeds: tuple[float, float],
         limits: Array,
-        start_acceleration: float,
     ) -> "JointProfile":
         """Build the profile of a joint from its limits.
 
@@ -60,8 +58,6 @@ class JointProfile:
             Velocities at both ends.
         limits : (3,) array
             Limits of velocity, acceleration and jerk.
-        start_acceleration : float
-            Acceleration at the start, rad/s² or m/s².
 
         Returns
         -------
@@ -69,15 +65,7 @@ class JointProfile:
             The motions of the joint, with the direction of their peak velocity.
         """
         velocity, acceleration, jerk = limits.tolist()
-        # The joint brakes less hard if its jerk is limited. This decides whether it can stop in
-        # time, and thus the direction of the peak.
-        brake = min(
-            _braking_acceleration(speeds[0], start_acceleration, acceleration, jerk),
-            _braking_acceleration(speeds[1], 0.0, acceleration, jerk),
-        )
-        sign = _peak_sign(displacement, speeds, brake)
-        if sign != _peak_sign(displacement, speeds, acceleration):
-            acceleration = brake
+        sign = _peak_sign(displacement, speeds, acceleration)
         fastest = max(velocity, *map(abs, speeds))
         return cls(displacement, speeds, fastest, acceleration, jerk=jerk, sign=sign)
 
@@ -196,28 +184,3 @@ def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: f
         shortest = (start + end) / 2 * abs(end - start) / acceleration
         return math.copysign(1.0, start if (displacement - shortest) * start >= 0 else -start)
     return math.copysign(1.0, remaining if abs(remaining) > ROUNDING_TOLERANCE else end or start)
-
-
-def _braking_acceleration(speed: float, acceleration: float, limit: float, jerk: float) -> float:
-    """Return the constant acceleration that gives the stopping distance of the quickest stop.
-
-    A joint with limited jerk needs time to build up its deceleration, so it brakes on average less
-    hard than its acceleration limit. With the velocity v and the stopping distance d, the result is
-    v² / (2 d). A joint at rest, or one that reverses before it stops, gets its acceleration limit.
-
-    Parameters
-    ----------
-    speed, acceleration : float
-        Velocity and acceleration of the joint when it begins to stop.
-    limit, jerk : float
-        Limits of acceleration and jerk. The jerk may be infinite.
-
-    Returns
-    -------
-    float
-        Acceleration > 0, rad/s² or m/s², at most `limit`.
-    """
-    if not speed:
-        return limit
-    distance = quickest_stop(speed, acceleration, limit, jerk).distance * math.copysign(1.0, speed)
-    return min(speed**2 / (2 * distance), limit) if distance > 0 else limit

@@ -30,8 +30,8 @@ def accelerations(way: np.ndarray, jerk: bool, count: int) -> np.ndarray:
 def guess_of(way: np.ndarray, jerk: bool, count: int) -> SegmentGuess:
     """Return the guess from rest to rest, with or without jerk limits."""
     limits = LIMITS if jerk else np.vstack([LIMITS[:2], np.full(4, np.inf)])
-    rest = {"speeds": np.zeros((2, 4)), "start_acceleration": np.zeros(4)}
-    return guess_between(START, way, limits=limits, count=count, least_count=2, **rest).guesses[0]
+    speeds = np.zeros((2, 4))
+    return guess_between(START, way, speeds, limits, count=count, least_count=2).guesses[0]
 
 
 @given(ways, st.booleans(), st.integers(8, 60))
