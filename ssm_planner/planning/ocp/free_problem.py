@@ -184,9 +184,7 @@ class FreeProblem(OcpProblem):
         for velocity, at_end in ends:
             if velocity.any():
                 at_end[np.isfinite(at_end)] = 1 + EQUALITY_TOLERANCE
-        # A motion that begins at speed is worth few iterations, because the robot can stop first.
-        brief = self.phase.problem.planner == "fast" and bool(self.phase.qd_start.any())
-        return replace(base, path_bound=bound, brief=brief)
+        return replace(base, path_bound=bound)
 
     def scaled(self, values: Array, order: int) -> Array:
         """Convert values of the joints to the coordinates u and to scaled time.

@@ -23,11 +23,11 @@ from ssm_planner.planning.ocp.nlp import NlpStructure
 from ssm_planner.trajectory import CubicPiece
 from ssm_planner.typing import record
 
-Start = Literal["cold", "brief", "confirming"]
+Start = Literal["cold", "confirming"]
 """Kind of initial point, which decides on Ipopt's options.
 
-"cold": a guess. "brief": a guess of a motion that is only worth few iterations. "confirming": a
-solution of the structured solver (`ocp.structured`), which Ipopt is to confirm.
+"cold": a guess. "confirming": a solution of the structured solver (`ocp.structured`), which Ipopt is
+to confirm.
 """
 COLD_START_ITERATIONS = 300
 """Largest number of iterations of a cold start, unless twice the number of elements is larger."""
@@ -39,12 +39,6 @@ COMMON_OPTIONS = {
     "mumps_pivot_order": 0,
 }
 """Options of Ipopt for every kind of start."""
-BRIEF_START_ELEMENT_ITERATIONS = 4800
-"""Largest product of iterations and elements of a brief start.
-
-The planner "fast" uses it for motions that begin at speed. Of 20 such motions, 17 took at most 65
-iterations, but failures take up to 300.
-"""
 OPTIONS_BY_START: dict[Start, dict[str, Any]] = {
     "cold": {"mu_init": FIRST_BARRIER, "bound_push": 1e-2, "bound_frac": 1e-2},
     # Ipopt computes multipliers as barrier weight / slack. At the last barrier weight of the
@@ -263,21 +257,18 @@ def _ipopt_by_start(
         Parameters
         ----------
         start : str
-            "cold", "brief" or "confirming".
+            "cold" or "confirming".
 
         Returns
         -------
         Function
             Solver with the arguments of CasADi's `nlpsol`.
         """
-        elements = structure.elements
-        iterations, options_of = max(COLD_START_ITERATIONS, 2 * elements), start
-        if start == "brief":
-            iterations, options_of = BRIEF_START_ELEMENT_ITERATIONS // elements, "cold"
-        ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS_BY_START[options_of]}
+        iterations = max(COLD_START_ITERATIONS, 2 * structure.elements)
+        ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS_BY_START[start]}
         # Initial multipliers mu_init / slack save a fifth of the iterations, except if the
         # coordinates are joints with limited jerk.
-        if options_of == "cold" and not (
+        if start == "cold" and not (
             structure.coordinates_are_joints and structure.has_continuous_acceleration
         ):
             ipopt_options["bound_mult_init_method"] = "mu-based"

@@ -267,8 +267,6 @@ class NlpData:
     """
     duration: tuple[float, float] = (0.0, np.inf)
     """Smallest and largest duration of the motion."""
-    brief: bool = False
-    """True if Ipopt may take only few iterations, because the robot can stop first instead."""
     weights: tuple[float, float] = (1.0, 0.0)
     """Weights of the duration and of the cost (heat or effort of the motors) in the objective."""
 

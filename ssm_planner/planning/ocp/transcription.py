@@ -57,8 +57,7 @@ class Transcription:
     solver: Callable[[Start], ca.Function] = field(compare=False)
     """Returns Ipopt's solver for a kind of start.
 
-    The kinds are "cold" (from a guess), "brief" (from a guess, with few iterations) and
-    "confirming" (from a solution of the structured solver).
+    The kinds are "cold" (from a guess) and "confirming" (from a solution of the structured solver).
     """
     native: MappedElements | None = field(compare=False)
     """Functions of the elements in C. None without the compiled part."""
@@ -149,7 +148,7 @@ class Transcription:
             The solution, or Ipopt's status of the failure.
         """
         n, m = self.structure.elements, self.structure.coordinates
-        start_kind: Start = "brief" if data.brief else "cold"
+        start_kind: Start = "cold"
         if confirming:
             start_kind, data = "confirming", self._without_implied_bounds(data)
         result, stats = run_ipopt(self.solver(start_kind), **self._inputs(data, elements))
