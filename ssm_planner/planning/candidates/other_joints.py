@@ -97,33 +97,6 @@ class JointsPlanner:
         """True if the problem leaves the spin of the target to the planner (`spin: free`)."""
         return self.motion.spin_free and self.target[1] == len(self.motion.through)
 
-    def known_duration(self, phase: Phase) -> float:
-        """Return the duration of a phase if the best motion contains it, or else its bound, s.
-
-        Phases that do not depend on the joints at the target appear unchanged in the best motion,
-        so their durations are better than lower bounds.
-
-        Parameters
-        ----------
-        phase : Phase
-            A phase of the problem with other joints at the target.
-
-        Returns
-        -------
-        float
-            Duration, s. Infinite if the requested duration of the phase is shorter than its lower
-            bound.
-        """
-        bound = phase.minimum_duration
-        if self.best is None or phase.motion.duration is not None or phase.is_at_rest:
-            return bound
-        durations_of_same_phase = (
-            item.duration
-            for item in self.best.phases
-            if item.phase.motion is phase.motion and np.array_equal(item.phase.points, phase.points)
-        )
-        return next(durations_of_same_phase, bound)
-
     def joints(self) -> list[Array]:
         """Return all joint positions that reach the target, except those of the phase.
 
@@ -298,8 +271,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     ) -> "Iterator[OtherJoints]":
         """Yield the candidate with given joints if it is feasible and may be shorter.
 
-        Its bound is the sum over the phases: the known duration of a phase that is already planned,
-        and the lower bound of every other phase.
+        Its bound is the sum of the least durations of all phases.
 
         Parameters
         ----------
@@ -322,7 +294,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         except ProblemError:  # A straight motion cannot begin at these joints.
             return
         requested = problem.duration or 0.0
-        bound = max(sum(map(planner.known_duration, phases)), requested)
+        bound = max(sum(phase.minimum_duration for phase in phases), requested)
         in_time = not requested or bound <= requested * (1 + EQUALITY_TOLERANCE)
         if phases and in_time and bound < planner.cutoff:
             problem = unchecked_copy(planner.problem, motion=problem.motion)
