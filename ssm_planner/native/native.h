@@ -1,4 +1,4 @@
-/* What every file of the library needs. */
+/* Macros of all C files: SSM_API exports a function, and ALWAYS_INLINE inlines one. */
 
 #ifndef SSM_NATIVE_H
 #define SSM_NATIVE_H
