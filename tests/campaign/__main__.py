@@ -24,7 +24,7 @@ HERE = Path(__file__).parent
 SHARED = {"__init__", "__main__", "rows"}
 SHARES = {"processes": 2.0}
 """Weights of the campaigns in the division of the time. The default is 1."""
-SLICE = {"processes": 8, "opinions": 4, "adversary": 300}
+SLICE = {"processes": 8, "opinions": 4, "adversary": 300, "executions": 150}
 """Number of cases of one task. The default is 100.
 
 Every campaign runs at least one task in each process.
