@@ -21,6 +21,7 @@ Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterizatio
 Reachability Analysis, IEEE T-RO 34(3), 2018.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ SAVED_TIME_TOLERANCE = 0.01
 The refinement also ends at this estimate, which is larger for motions that are more than 0.1 %
 slower or faster than toppra's.
 """
-LARGEST_BOUND_GAP = 5e-5
+LARGEST_BOUND_GAP = 2e-4
 """Largest relative distance of the bound from toppra's duration.
 
 If the distance is larger, the bound is computed again on the next grid.
@@ -89,7 +90,9 @@ class Opinion:
     """Reason why toppra does not give a duration."""
 
 
-def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, ...]:
+def second_opinions(
+    trajectory: Trajectory, problem: Problem, lower_bounds: Sequence[float] = ()
+) -> tuple[Opinion, ...]:
     """Compute the shortest duration of every phase along its path.
 
     Parameters
@@ -98,6 +101,9 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
         The motion. Only its polynomials and phases count.
     problem : Problem
         The problem with robot and limits.
+    lower_bounds : sequence of float
+        Known lower bounds on the durations of the phases, s. toppra's grid is refined until its
+        durations are not below them.
 
     Returns
     -------
@@ -111,14 +117,16 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
     if len(requests) != len(spans):  # scans and rounded corners
         requests = [next(filter(None, requests), "")] * len(spans)
     opinions = []
-    for span, request in zip(spans, requests, strict=True):
+    bounds = lower_bounds or [0.0] * len(spans)
+    for span, request, lower_bound in zip(spans, requests, bounds, strict=True):
         if span.start == span.end:
             opinions.append(Opinion(duration=0.0, bound=0.0, sensitivities=()))
         elif request:
             opinions.append(Opinion(not_judged=request))
         else:
             arguments = trajectory, problem.robot, problem.task_limits
-            opinions.append(shortest_path_duration(*arguments, (span.start, span.end)))
+            times = span.start, span.end
+            opinions.append(shortest_path_duration(*arguments, times, lower_bound))
     return tuple(opinions)
 
 
@@ -130,7 +138,11 @@ def second_opinions_and_proofs(
 
 
 def shortest_path_duration(
-    trajectory: Trajectory, robot: Robot, limits: TaskLimits, span: tuple[float, float]
+    trajectory: Trajectory,
+    robot: Robot,
+    limits: TaskLimits,
+    span: tuple[float, float],
+    lower_bound: float = 0.0,
 ) -> Opinion:
     """Compute the shortest duration along a path with toppra, and a lower bound on it.
 
@@ -144,6 +156,9 @@ def shortest_path_duration(
         Limits on task rates and on the speed of the tool.
     span : (float, float)
         Times in s, at breaks of the trajectory.
+    lower_bound : float
+        Known lower bound on the duration, s. The grid is refined until toppra's duration is not
+        below it. On the finest grid, a duration below it is returned.
 
     Returns
     -------
@@ -153,7 +168,7 @@ def shortest_path_duration(
     """
     grid, squares = np.array(span) - span[0], np.ones(2)
     duration = estimate = np.inf
-    bound, changes = None, None
+    bound, changes, opinion = None, None, None
     for refinement in (2**k for k in range(7)):
         path = PathRows.from_trajectory(trajectory, robot, span, (0.0, 1.0), refinement)
         coarse_grid, grid = grid, path.grid
@@ -177,7 +192,11 @@ def shortest_path_duration(
         saved = SAVED_TIME_TOLERANCE * abs(grid[-1] - duration)
         is_close = np.median(np.abs(differences)) <= max(GRID_TOLERANCE * duration, saved)
         if is_close and estimate >= (1 - GRID_TOLERANCE) * proven:
-            return Opinion(max(estimate, proven), bound, changes)
+            opinion = Opinion(max(estimate, proven), bound, changes)
+            if estimate >= (1 - GRID_TOLERANCE) * lower_bound:
+                break
+    if opinion is not None:
+        return opinion
     bound = bound or path_bound(trajectory, robot, limits, span)[0]
     return Opinion(bound=bound, not_judged="toppra does not converge")
 

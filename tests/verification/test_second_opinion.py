@@ -165,6 +165,25 @@ def test_the_duration_does_not_depend_on_the_grid(
     assert durations[0] == pytest.approx(durations[1], rel=GRID_TOLERANCE)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [471100016004, 471100071007])
+def test_a_duration_below_a_proven_bound_is_computed_on_finer_grids(seed: int) -> None:
+    """Coarse grids of these motions converge to a duration that is 1.1e-5 or 1.6e-5 too short."""
+    problem = unchecked_copy(random_problem(load_problem("tilt_insert"), seed), planner="fast")
+    result = judged(plan(problem, relaxations=False))
+    assert [phase.not_judged for phase in result.phases] == [None] * len(result.phases)
+
+
+def test_a_wrong_bound_does_not_change_the_duration() -> None:
+    """A lower bound above the true duration is contradicted, because toppra does not follow it."""
+    made = load_plan(ROOT / "results/eye_approach")
+    (span,) = made.motion.phases
+    arguments = made.motion, made.robot, made.problem.task_limits, (span.start, span.end)
+    opinion = shortest_path_duration(*arguments)
+    contradicted = shortest_path_duration(*arguments, lower_bound=1.01 * span.end)
+    assert contradicted.duration == pytest.approx(opinion.duration, rel=GRID_TOLERANCE)
+
+
 def test_sections_end_where_the_acceleration_jumps_or_a_joint_reverses() -> None:
     """Intervals cross a break only if the motion is smooth there and no joint turns."""
     problem = load_problem("tilt_insert")
