@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import platform
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, field, replace
@@ -101,11 +100,8 @@ PLAN_UNITS = {
 
 
 def software() -> dict[str, str]:
-    """Return the versions of the programs that make a plan, by name."""
-    versions = {"python": platform.python_version()}
-    return versions | {
-        name: _package_version(name) for name in ("ssm-planner", "casadi", "numpy", "scipy")
-    }
+    """Return the versions of the packages that determine the figures of a plan, by name."""
+    return {name: _package_version(name) for name in ("ssm-planner", "casadi", "numpy", "scipy")}
 
 
 @cache

@@ -247,7 +247,7 @@ def test_documents_that_are_no_plan(
 
 def test_the_versions_of_the_software_are_known() -> None:
     assert plans._package_version("no such package") == "unknown"
-    assert set(plans.software()) == {"python", "ssm-planner", "casadi", "numpy", "scipy"}
+    assert set(plans.software()) == {"ssm-planner", "casadi", "numpy", "scipy"}
     assert "unknown" not in plans.software().values()
 
 

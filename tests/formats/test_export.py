@@ -45,7 +45,7 @@ def test_every_export_carries_a_manifest(plan: Plan, tmp_path: Path, to: str) ->
     assert manifest["kind"] == to
     assert manifest["plan"]["sha256"] == hashlib.sha256(plan.path.read_bytes()).hexdigest()
     assert manifest["certificate"]["passed"] is True
-    assert {"ssm-planner", "python", "numpy"} <= set(manifest["software"])
+    assert {"ssm-planner", "casadi", "numpy"} <= set(manifest["software"])
     assert manifest["units"]
     assert "rate_hz" in manifest
     assert len(manifest["robot"]["sha256"]) == 64
