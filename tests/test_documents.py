@@ -211,7 +211,7 @@ def place(tmp_path: Path) -> Path:
     return folder
 
 
-def test_what_is_not_run_is_in_the_documents() -> None:
+def test_commands_that_are_not_run_occur_in_the_documents() -> None:
     assert WITH_FIGURES in RUN.values()
     assert all(any(line.startswith(start) for line in whole_commands()) for start in NOT_RUN)
 

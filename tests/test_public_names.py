@@ -219,7 +219,7 @@ def test_no_module_takes_a_name_away() -> None:
     ],
     ids=["before every module", "after every module", "by a star"],
 )
-def test_in_any_order_of_imports(code: str) -> None:
+def test_imports_work_in_any_order(code: str) -> None:
     passes(code)
 
 

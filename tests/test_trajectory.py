@@ -80,7 +80,7 @@ def test_uniform_samples_end_exactly_at_the_end(rate: float) -> None:
         ([0.0], np.zeros((0, 6, 4))),
     ],
 )
-def test_what_is_no_trajectory_is_refused(breaks: list[float], coefficients: np.ndarray) -> None:
+def test_an_invalid_trajectory_is_refused(breaks: list[float], coefficients: np.ndarray) -> None:
     with pytest.raises(TrajectoryError):
         Trajectory(np.array(breaks), coefficients, ())
 

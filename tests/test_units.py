@@ -116,7 +116,7 @@ def pint_registry() -> Any:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in QUANTITY_KINDS if kind != "temperature"])
-def test_as_pint_converts(kind: str) -> None:
+def test_units_convert_as_in_pint(kind: str) -> None:
     registry = pint_registry()
     text = QUANTITY_KINDS[kind].example
     expected = registry.Quantity(text.replace("1/s", "/s")).to(QUANTITY_KINDS[kind].unit).magnitude

@@ -379,7 +379,7 @@ def test_a_late_answer_does_not_replace_a_newer_one(visit: Open, server: ViewSer
     assert page.evaluate("document.getElementById('reach').textContent") != ""
 
 
-def test_what_is_set_stands_in_the_address(visit: Open, server: ViewServer) -> None:
+def test_the_address_contains_the_settings(visit: Open, server: ViewServer) -> None:
     opened = visit(server.url)
     page = opened.page
     type_in(page, "tilt", "-101.25")

@@ -91,7 +91,7 @@ def test_a_csv_needs_the_robot(
         assert row["rms_torque"] == pytest.approx(expected.rms_torque, rel=1e-2)
 
 
-def test_what_is_missing_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_figures_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("size", SHIPPED / "motorisation/paper.yaml") == 0
     out = capsys.readouterr().out
     assert "placeholder" in out

@@ -62,7 +62,7 @@ def test_a_bare_command_lists_the_commands(capsys: pytest.CaptureFixture[str]) -
         (["check", PLAN, "--robto", "x"], "'--robot'"),
     ],
 )
-def test_what_was_probably_meant(
+def test_a_misspelt_word_gets_a_suggestion(
     words: list[str], meant: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words) == 2
@@ -99,7 +99,7 @@ def test_a_wrong_file_is_named_as_what_it_is(
 
 
 @pytest.mark.slow
-def test_where_a_fault_is_stands_in_the_object(
+def test_the_json_of_a_fault_states_its_place(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "mine.yaml"

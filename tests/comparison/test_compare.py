@@ -249,7 +249,7 @@ def test_a_limit_that_was_exceeded_in_reality(
     assert "NOT held in reality" in capsys.readouterr().out
 
 
-def test_which_joint_a_file_is_of(robot: Robot) -> None:
+def test_the_joint_of_a_recording_is_given_or_follows_from_the_file_name(robot: Robot) -> None:
     """The joint is given before the path, or follows from the name of the file."""
     words = ["roll=a.csv", "run3_tilt.csv", "axis4.csv"]
     assert [joint for joint, _ in assign_recordings(words, robot)] == ["roll", "tilt", "insertion"]

@@ -182,7 +182,7 @@ def test_an_arc_of_the_second_link_ends_on_the_third_axis():
         ("density: 2700 kg/m^3", "density: 2700 kg", r"bodies\[0\]\.parts"),
     ],
 )
-def test_what_no_part_can_be_is_named(old, new, message):
+def test_an_impossible_part_is_refused_by_name(old, new, message):
     """An impossible part is refused with a message that names the error."""
     with pytest.raises(ProblemError, match=message):
         link(parts=PARTS.replace(old, new))

@@ -345,7 +345,7 @@ def test_an_interruption_within_is_raised(
     native.check()
 
 
-def test_what_stands_is_finite(tilt_insert: Problem) -> None:
+def test_joints_at_rest_have_finite_rows(tilt_insert: Problem) -> None:
     """The rows and their Jacobian are finite for joints at rest without a direction of motion.
 
     This includes rows without a limit.

@@ -188,7 +188,7 @@ for callback in (None, ctypes.CDLL(library).ssm_passive):
 """
 
 
-def test_as_a_plugin_the_library_moves_the_model_alike(
+def test_the_plugin_and_the_callback_together_add_the_force_once(
     module: Any, arm: Any, folder: Path, tmp_path: Path
 ) -> None:
     """A callback that is installed in addition to the plugin does not add the force twice."""

@@ -364,7 +364,7 @@ def test_sanitizers_find_nothing(
     assert not run.stderr
 
 
-def test_both_precisions_in_one_program(plan: Plan, tmp_path: Path) -> None:
+def test_both_precisions_fit_into_one_program(plan: Plan, tmp_path: Path) -> None:
     """The two precisions have different names, so a call in the wrong precision does not link."""
     texts = texts_of(plan.robot, plan)
     objects = {}

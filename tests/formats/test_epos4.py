@@ -188,7 +188,7 @@ def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
     assert not any("encoder" in note for note in manifest["notes"])
 
 
-def test_what_is_not_verified_is_said(plan: Plan, tmp_path: Path) -> None:
+def test_unverified_objects_are_marked(plan: Plan, tmp_path: Path) -> None:
     """The export marks each object whose number, unit or effect is quoted from no source. The
     manifest lists these objects under `not_verified`.
     """

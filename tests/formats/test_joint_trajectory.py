@@ -52,7 +52,7 @@ def test_a_time_is_split_into_whole_seconds_and_nanoseconds(t: float) -> None:
 )
 @example(under="", numbers=[1e-5, -1e-05, 1e22, 1.5e-300, -0.0, 0.1, 3.0, 1e16])
 @settings(max_examples=20)
-def test_what_is_written_is_what_any_reader_of_yaml_finds(
+def test_any_yaml_reader_reads_the_written_numbers(
     tmp_path_factory: pytest.TempPathFactory, under: str, numbers: list[float]
 ) -> None:
     """PyYAML follows YAML 1.1, in which 1e-05 is a text.

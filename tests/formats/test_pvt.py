@@ -69,7 +69,7 @@ def run(table: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 @pytest.mark.parametrize("which", ["plan", "smooth_plan"])
-def test_what_the_drives_run_keeps_the_limits(
+def test_the_interpolated_table_keeps_the_limits(
     which: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     plan: Plan = request.getfixturevalue(which)

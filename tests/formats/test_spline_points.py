@@ -65,7 +65,7 @@ def test_points_lie_on_the_plan_at_whole_ticks(plan: Plan, smooth_plan: Plan) ->
     assert set(plan.motion.breaks) <= set(unrounded)
 
 
-def test_of_a_plan_that_fails_the_first_points_are_given(plan: Plan, bad_plan: Plan) -> None:
+def test_an_uncertified_plan_gives_its_first_points(plan: Plan, bad_plan: Plan) -> None:
     points = spline_points(bad_plan, bad_plan.certificate)
     assert points.stretch == 1.0
     assert len(points.samples.t) == len(bad_plan.motion.breaks)

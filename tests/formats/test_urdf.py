@@ -227,7 +227,7 @@ def test_rpy_is_accurate_next_to_its_singularity() -> None:
         assert np.abs(back - matrix).max() <= 1e-12
 
 
-def test_what_urdf_cannot_carry_is_said(plan: Plan, tmp_path: Path) -> None:
+def test_the_urdf_lists_the_data_that_it_cannot_contain(plan: Plan, tmp_path: Path) -> None:
     export(plan, "urdf", tmp_path)
     text = (tmp_path / "robot.urdf").read_text(encoding="utf-8")
     comment = text[text.index("<!--") : text.index("-->")]

@@ -122,7 +122,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say(law, truth):
     assert 0.92 * trials <= np.mean(list(hits.values())) <= 0.985 * trials, hits
 
 
-def test_what_the_map_gives_only_together_is_called_so():
+def test_inseparable_parameters_are_reported():
     """Parameters that the map determines only together are reported as inseparable.
 
     Their combinations, which are the torques of slow motion, have narrow intervals.

@@ -62,7 +62,7 @@ def start_stop(rest: float = 2.0, speed: float = 5.0, dt: float = 0.02):
     )
 
 
-def test_in_steady_motion_the_prediction_is_the_inverse_law():
+def test_the_prediction_of_steady_motion_is_the_inverse_law():
     drive = identified()
     time = np.arange(0.0, 3.0, 0.01)
     w = np.full_like(time, 7.0)

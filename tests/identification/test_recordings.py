@@ -302,7 +302,7 @@ def test_fewer_samples_than_promised_is_said(tmp_path):
         ),
     ],
 )
-def test_what_cannot_be_used_is_refused_with_a_message(tmp_path, content, message):
+def test_an_unusable_recording_is_refused_with_a_message(tmp_path, content, message):
     path = tmp_path / "a.csv"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=message):

@@ -282,7 +282,7 @@ def test_time_scales_with_the_limits(distance: float, faster: float) -> None:
     )
 
 
-def test_what_cannot_be_kept_does_not_converge() -> None:
+def test_a_program_with_an_impossible_row_does_not_converge() -> None:
     """A program with a row that no motion can keep does not converge."""
     fractions = pieces(1.0, 1.0)
     group = rows_of(lambda x: [x[0] + 3.0], fractions)
@@ -302,7 +302,7 @@ def test_rows_that_are_identically_zero_are_masked() -> None:
     assert not mask[:, [0, 2]].any()
 
 
-def test_same_bits_whatever_was_solved_before() -> None:
+def test_earlier_solutions_do_not_change_a_bit() -> None:
     program = chain(pieces(1.0, 1.3, 1.0), 2.0, velocity=0.9, acceleration=1.0)
     first = fastest(program, 2.0, 5.0)
     fastest(chain(pieces(1.0, 1.0), 2.0, acceleration=1.0), 2.0, 5.0)

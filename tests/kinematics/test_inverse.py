@@ -199,7 +199,7 @@ def test_a_pose_whose_axis_misses_the_rcm(vitreoretinal):
         assert np.all(cost(chosen) <= cost(other) + 1e-18)
 
 
-def test_at_depth_zero_the_orientation_alone_points(vitreoretinal):
+def test_the_orientation_alone_determines_the_joints_at_depth_zero(vitreoretinal):
     task = np.array([[0.3, -2.0, 0.4, 0.0]])
     rotations, positions = pose_from_task(vitreoretinal, task)
     assert np.array_equal(positions, np.zeros((1, 3)))

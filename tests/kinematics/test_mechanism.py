@@ -80,7 +80,7 @@ def test_delta_is_where_the_tool_is_nearest_to_omega1(random_mechanism):
         assert mech.home_branch == (1 if math.sin(-mech.delta) >= 0.0 else -1)
 
 
-def test_from_angles_is_the_published_robot(vitreoretinal):
+def test_the_published_angles_give_the_published_axes(vitreoretinal):
     result = Mechanism.from_angles(vitreoretinal.alpha, vitreoretinal.beta, vitreoretinal.home_tilt)
     for name in ("omega1", "omega2", "omega3", "tilt_axis", "tool_home"):
         assert np.abs(getattr(result, name) - getattr(vitreoretinal, name)).max() < 1e-15
@@ -89,7 +89,7 @@ def test_from_angles_is_the_published_robot(vitreoretinal):
 @pytest.mark.parametrize(
     ("alpha", "beta"), [(0.5, 0.5), (2.8, 2.0), (2.0, 0.4), (0.0, 1.0), (1.0, math.pi)]
 )
-def test_from_angles_keeps_its_angles(alpha, beta):
+def test_a_mechanism_from_angles_returns_these_angles(alpha, beta):
     mech = Mechanism.from_angles(alpha, beta)
     assert mech.alpha == pytest.approx(alpha, abs=1e-15)
     assert mech.beta == pytest.approx(beta, abs=1e-14)

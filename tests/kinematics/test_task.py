@@ -63,7 +63,7 @@ def test_pose_of_the_published_robot_is_its_published_formula(vitreoretinal):
     assert np.abs(positions + task[:, 3:] * expected[:, :, 2]).max() < 1e-14
 
 
-def test_both_names_are_one_pose(random_mechanism):
+def test_two_sets_of_task_coordinates_are_one_pose(random_mechanism):
     """The opposite tilt, with roll and spin turned by π, gives the same pose."""
     rng = np.random.default_rng(8)
     mech = random_mechanism(rng)

@@ -42,7 +42,7 @@ def without_eye(files: Any) -> None:
     files.without_eye(NAME)
 
 
-def test_what_is_written_is_what_holds(files: Any) -> None:
+def test_the_limits_of_the_file_apply(files: Any) -> None:
     files.edit(NAME, END, EYE + END)
     files.edit(NAME, LIMIT, LIMIT + SPEEDS)
     problem = files.load(NAME)
@@ -94,7 +94,7 @@ def test_the_frame_of_a_lens_is_a_rotation_with_the_axes_given(files: Any, seed:
     assert frame[:, 0] == pytest.approx(first / np.linalg.norm(first))
 
 
-def test_where_two_semi_axes_are_equal_any_frame_about_the_third_will_do(files: Any) -> None:
+def test_equal_semi_axes_permit_any_frame_about_the_third(files: Any) -> None:
     files.edit(NAME, END, EYE.replace("[0, 0, 2]", "[0.3, -2, 1]") + END)
     frame = files.load(NAME).eye.lens.frame
     assert np.abs(frame.T @ frame - np.eye(3)).max() < 1e-14

@@ -39,7 +39,9 @@ for kind in ("problem", "robot", "drive", "motor"):
 """
 
 
-def test_from_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shipped_files_load_by_name_from_an_empty_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Shipped files are loaded by name from any folder."""
     monkeypatch.chdir(tmp_path)
     assert load_problem("tilt_insert").name == "tilt_insert"

@@ -232,7 +232,7 @@ def test_hostile_gears_are_refused(tmp_path: Path, old: str, new: str) -> None:
         b'{"name": "A", "nominal_torque": 1}',
     ],
 )
-def test_what_is_no_catalogue_is_refused(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_no_catalogue_is_refused(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "motors.csv"
     file.write_bytes(content)
     with pytest.raises(ProblemError, match=r"motors\.csv"):

@@ -116,7 +116,7 @@ def test_the_robot_of_one_problem() -> None:
         ({"dwell": "1 s"}, {"tip_payload": "-3 g"}, "tip_payload"),
     ],
 )
-def test_what_is_wrong_is_named(motion: Any, keys: dict[str, Any], message: str) -> None:
+def test_the_message_names_the_error(motion: Any, keys: dict[str, Any], message: str) -> None:
     with pytest.raises(ProblemError, match=re.escape(message)):
         problem(motion, **keys)
 

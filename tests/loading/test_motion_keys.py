@@ -98,7 +98,7 @@ def test_a_duration_of_a_motion(files: Any, entry: str) -> None:
         ("duration: 5 s", "time then heat", 5),
     ],
 )
-def test_what_a_motion_is_best_at(
+def test_the_objective_is_read(
     files: Any, text: str, objective: str, duration: float | None
 ) -> None:
     files.edit(NAME, OBJECTIVE, text)

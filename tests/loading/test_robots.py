@@ -129,7 +129,7 @@ class TestShippedGeometry:
         with pytest.raises(ValueError, match="read-only"):
             g.omega1[0] = 0
 
-    def test_same_robot_from_axes(self, files: Any) -> None:
+    def test_axes_and_angles_give_the_same_robot(self, files: Any) -> None:
         by_angles = files.load(ROBOT).geometry
         rows = [
             ", ".join(repr(float(x)) for x in w)

@@ -85,9 +85,7 @@ def test_a_path_means_the_same(tmp_path: Path, separator: str) -> None:
         ("a,b\n1," + "9" * 200_000 + "\n", [":2: ", "invalid table"]),
     ],
 )
-def test_what_is_no_table_is_refused_with_its_line(
-    tmp_path: Path, text: str, words: list[str]
-) -> None:
+def test_a_bad_table_is_refused_with_the_line(tmp_path: Path, text: str, words: list[str]) -> None:
     file = tmp_path / "table.csv"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(ProblemError) as caught:

@@ -212,7 +212,7 @@ def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, need
 
 @pytest.mark.parametrize("needed", [0.3, 1.2])
 @pytest.mark.parametrize("more", [0.0, 0.5])
-def test_what_is_printed_is_planned_in_full(
+def test_the_printed_relaxation_is_planned_in_full(
     tilt_insert: Problem, needed: float, more: float
 ) -> None:
     """Only the printed value is planned in full if the feasibility trials are right.

@@ -80,7 +80,7 @@ def test_targets_that_cannot_be(tilt_insert: ssm.Problem) -> None:
         )
 
 
-def test_what_is_infeasible_says_why_without_a_search(tilt_insert: ssm.Problem) -> None:
+def test_an_infeasible_replan_gives_its_reason_without_a_search(tilt_insert: ssm.Problem) -> None:
     """An infeasible problem gets a reason without a search for a relaxation."""
     plan = ssm.Replanner(replace(tilt_insert, duration=0.5, objective="effort")).plan()
     assert not plan.passed

@@ -120,7 +120,7 @@ def test_a_start_too_fast_to_stop_is_named_and_a_relaxation_tried() -> None:
     assert "takes" in str(result.reason.relaxation)
 
 
-def test_what_leaves_no_way_to_stop_is_refused() -> None:
+def test_a_problem_without_a_path_for_a_stop_is_refused() -> None:
     """A problem that leaves no path for a stop is refused."""
     problem = limited("tilt_insert", 0.5e-3)
     with pytest.raises(ProblemError, match="leaves no path for a stop"):

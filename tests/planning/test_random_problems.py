@@ -24,6 +24,8 @@ def test_a_certificate_or_a_named_reason(tilt_insert: Problem, seed: int) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", MISSIONS)
-def test_of_several_motions_too(tilt_insert: Problem, seed: int) -> None:
+def test_random_problems_with_several_motions_are_planned_without_faults(
+    tilt_insert: Problem, seed: int
+) -> None:
     problem = random_problem(tilt_insert, seed)
     assert faults(problem, plan(problem)) == []

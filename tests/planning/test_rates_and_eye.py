@@ -129,7 +129,7 @@ def test_a_motion_may_end_at_the_edge_of_the_port(laser_scan: Problem) -> None:
     assert limit(result, RetinaClearance.name).margin >= -1e-6
 
 
-def test_from_the_edge_of_the_port_the_tip_swings_first(laser_scan: Problem) -> None:
+def test_the_tip_swings_first_from_the_edge_of_the_port(laser_scan: Problem) -> None:
     """From the edge of the port, the tip must swing far enough before it moves inwards.
 
     It stays at the edge until then.
@@ -196,7 +196,7 @@ def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective:
     assert -tilted.q[half, 3] < straight
 
 
-def test_on_a_straight_line_a_lens_in_the_way_is_a_reason(laser_scan: Problem) -> None:
+def test_a_lens_on_a_straight_line_is_the_reason(laser_scan: Problem) -> None:
     problem = moving(laser_scan, "straight", SWING, FAR, eye=in_the_way(laser_scan))
     result = plan(problem)
     assert (result.status, result.reason.constraint) == ("infeasible", LensClearance.name)

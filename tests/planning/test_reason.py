@@ -260,7 +260,7 @@ def test_a_reason_says_what_where_and_by_how_much(unplanned: Unplanned, name: st
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if CASES[name].constraint != "direction"])
-def test_its_relaxation_does_and_five_per_cent_less_does_not(
+def test_the_relaxation_suffices_and_five_per_cent_less_does_not(
     unplanned: Unplanned, name: str
 ) -> None:
     """The suggested relaxation makes the problem solvable, and 95 % of the change does not."""
@@ -287,7 +287,7 @@ def test_the_problem_relaxed_is_solved(unplanned: Unplanned) -> None:
     assert again.duration == cure.outcome
 
 
-def test_what_no_limit_could_cure_a_file_is_refused_for(tilt_insert: Problem) -> None:
+def test_a_problem_that_no_limit_can_repair_is_refused(tilt_insert: Problem) -> None:
     """A problem that no other limit can repair raises a ProblemError."""
     timed = (dataclasses.replace(straight(depth=0.015), duration=2.0),)
     timed_twice = insertion(tilt_insert, motion=timed, objective="effort", duration=3.0)

@@ -232,7 +232,7 @@ def test_a_joint_goes_back_and_forth_for_the_rate_of_spin(tilt_insert: Problem) 
 @pytest.mark.parametrize(
     ("to", "limits"), [({"roll": 20, "depth": 5}, ()), ({"tilt": -95}, (TipSpeed(0.02),))]
 )
-def test_where_nothing_pays_the_motion_is_the_same(
+def test_useless_reversals_do_not_change_the_motion(
     tilt_insert: Problem, to: dict[str, float], limits: Any
 ) -> None:
     """If reversals do not shorten the motion, the plan is the one without reversals."""

@@ -31,7 +31,9 @@ def inserting(problem: Problem, kind: Any, depth: float) -> Problem:
 
 @pytest.mark.parametrize("kind", ["straight", "free"])
 @pytest.mark.parametrize("depth", [2e-9, 1e-6, 1e-3])
-def test_as_long_as_the_closed_form_says(tilt_insert: Problem, kind: str, depth: float) -> None:
+def test_a_tiny_move_takes_the_time_of_the_closed_form(
+    tilt_insert: Problem, kind: str, depth: float
+) -> None:
     joint = tilt_insert.robot.joints[3]
     result = plan(inserting(tilt_insert, kind, depth))
     assert result.passed

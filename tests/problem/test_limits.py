@@ -254,7 +254,7 @@ def test_a_limit_says_what_it_would_be_instead(limit: Limit, value: float, words
         (lambda: JointPosition("roll", 1.0, 1.0), ("JointPosition.lower = 1.0",)),
     ],
 )
-def test_what_cannot_be_a_limit_is_refused(make, told) -> None:
+def test_an_impossible_limit_is_refused(make, told) -> None:
     with pytest.raises(ProblemError) as caught:
         make()
     for part in told:

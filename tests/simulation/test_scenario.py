@@ -49,7 +49,7 @@ DURATION = 2.0
         ("wrong_direction", [None, "roll", "insertion"], ["spin", "elbow"]),
     ],
 )
-def test_only_what_can_happen_is_accepted(
+def test_only_possible_values_of_a_scenario_are_accepted(
     robot: Robot, key: str, good: list[Any], bad: list[Any]
 ) -> None:
     for value in good:

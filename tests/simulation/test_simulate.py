@@ -232,7 +232,7 @@ def test_without_torque_offsets_the_feedback_has_to_do_what_they_did(nominal, pl
         (Scenario(power_loss=1.0, travel=1e-7), "the tip travels"),
     ],
 )
-def test_what_must_fail_does_with_its_reason(plan, scenario, word):
+def test_a_harmful_scenario_fails_with_its_reason(plan, scenario, word):
     """A harmful scenario fails, and the result names the reason."""
     result = simulate(plan, scenario)
     assert not result.passed
@@ -272,7 +272,7 @@ def test_power_lost_everywhere_stops_the_arm_soonest_at_rest(plan):
 
 
 @pytest.mark.slow
-def test_what_stands_without_power_does_so_at_half_the_step_too(plan):
+def test_half_the_step_gives_the_same_standstills_without_power(plan):
     """Losses of power from the same states have the same standstills with both lengths of a step.
 
     The travels of the tip agree within a thousandth of the largest travel.
@@ -359,7 +359,7 @@ def test_recordings_are_read_back(nominal, plan, tmp_path):
         Scenario(payload=-1.0),
     ],
 )
-def test_what_cannot_happen_is_refused(plan, scenario):
+def test_an_impossible_scenario_is_refused(plan, scenario):
     with pytest.raises(ProblemError):
         simulate(plan, scenario)
 

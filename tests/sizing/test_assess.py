@@ -211,7 +211,7 @@ def test_no_verdict_is_wrong_and_only_what_is_missing_leaves_one_open(
         assert verdicts.count(False) > 6
 
 
-def test_what_is_not_stated_is_named(
+def test_a_figure_that_the_verdict_needs_is_named(
     axes: tuple[JointLoad, ...], motors: list[Motor], robot: Robot
 ) -> None:
     """A missing figure is named if the verdict depends on it.

@@ -175,7 +175,9 @@ def test_a_standing_joint_adds_nothing_but_its_load(robot: Robot) -> None:
         ({"stribeck_speed": {"stribeck_speed": 1.0}}, "lacks stribeck_speed"),
     ],
 )
-def test_what_is_no_covariance(loads: tuple[JointLoad, ...], table: dict, reason: str) -> None:
+def test_an_invalid_covariance_is_refused(
+    loads: tuple[JointLoad, ...], table: dict, reason: str
+) -> None:
     """An invalid covariance is refused with the name of its file and key."""
     drive = loads[0].drive
     with pytest.raises(ProblemError, match=reason) as caught:

@@ -26,7 +26,7 @@ from tests.support.sizing_cases import COMPLETE
 
 @given(st.floats(0, 1400), st.floats(260, 430), st.floats(6, 48), st.floats(1, 30))
 @settings(max_examples=50, deadline=None)
-def test_on_the_line_the_voltage_is_the_supply(
+def test_the_available_torque_needs_at_most_the_supply_voltage(
     speed: float, temperature: float, supply: float, current: float
 ) -> None:
     """The available torque needs at most the supply voltage.

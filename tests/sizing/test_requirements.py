@@ -73,7 +73,7 @@ def test_each_part_by_its_formula(loads: tuple[JointLoad, ...]) -> None:
         assert np.all(split.mesh_friction[moving] * load.direction[moving] >= -1e-18)
 
 
-def test_at_rest_the_mesh_holds_the_load(robot) -> None:
+def test_the_mesh_holds_the_load_at_rest(robot) -> None:
     from ssm_planner.sizing.joint_load import joint_loads
     from ssm_planner.trajectory import Trajectory
 
@@ -85,7 +85,7 @@ def test_at_rest_the_mesh_holds_the_load(robot) -> None:
         assert split.mesh_friction == pytest.approx(-split.load)
 
 
-def test_at_peak_is_the_peak(loads: tuple[JointLoad, ...]) -> None:
+def test_the_components_at_the_peak_add_up_to_the_peak(loads: tuple[JointLoad, ...]) -> None:
     for load in loads:
         split = torque_split(load)
         assert abs(sum(split.at_peak.values())) == pytest.approx(

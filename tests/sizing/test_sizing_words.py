@@ -88,7 +88,7 @@ CHANGES: dict[str, tuple[Callable[[Motor], Motor | None], str, list[str]]] = {
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_what_is_wrong_or_unknown_is_named(
+def test_the_reason_names_the_failed_or_unknown_figure(
     change: str, known: Robot, trajectory: Trajectory
 ) -> None:
     """The reason names the failed check or the unknown figure of the changed motor."""

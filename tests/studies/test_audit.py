@@ -229,7 +229,7 @@ def test_an_impossible_tolerance_is_named(folder: Path, tolerance: float) -> Non
         audit_study(folder, tolerance=tolerance)
 
 
-def test_what_is_no_result_of_a_study_is_named(tmp_path: Path) -> None:
+def test_a_folder_without_a_study_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="does not contain the results of a study"):
         audit_study(tmp_path)
     assert main(["study", "audit", str(tmp_path)]) == 2

@@ -24,7 +24,7 @@ def _designs(count):
     return [(i, candidate_key(design, "context"), design) for i, design in enumerate(designs)]
 
 
-def test_what_was_put_is_read_again(tmp_path):
+def test_written_rows_are_read_back(tmp_path):
     designs = _designs(5)
     with Store(tmp_path / "study.sqlite") as store:
         store.add_candidates(designs)
@@ -76,7 +76,7 @@ def test_a_lock_that_is_given_back_at_once_is_waited_for(tmp_path: Path) -> None
     "content",
     [b"no store, a text that somebody wrote" * 90, b"SQLite format 3\x00" + b"\xff" * 9000],
 )
-def test_what_is_no_store_is_named(tmp_path, content):
+def test_a_file_that_is_no_store_is_refused(tmp_path, content):
     path = tmp_path / "study.sqlite"
     path.write_bytes(content)
     with pytest.raises((ProblemError, ExportError), match=r"study\.sqlite"):

@@ -68,7 +68,7 @@ def table(tmp_path_factory):
     return (made_once(tmp_path_factory, "study", make) / "table.csv").read_bytes()
 
 
-def test_what_varies_comes_into_the_robot_and_its_bodies_follow():
+def test_bodies_follow_a_varied_geometry():
     """A varied geometry turns each body, so that its z axis stays along the joint axis."""
     of = study()
     design = {"geometry.alpha": "35 deg", "geometry.home_tilt": "-110 deg"}
@@ -632,7 +632,7 @@ def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
 
 
 @pytest.mark.parametrize("rank", ["mass", "length"])
-def test_what_a_catalogue_states_of_gears_and_motors_counts_in_the_rank(tmp_path, rank):
+def test_the_selection_ranks_by_the_mass_and_length_in_the_catalogue(tmp_path, rank):
     """The selection takes the screw and the motor that come first by mass or length.
 
     The two screws, and the two motors, differ only in their stated mass and length.

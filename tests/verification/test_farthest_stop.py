@@ -102,7 +102,7 @@ def test_a_motion_done_once_is_not_held_against_what_motors_give_for_all_time(ro
     assert module.STOP_SAMPLING_RATE < module.SAMPLING_RATE
 
 
-def test_what_is_missing_for_the_torque_of_a_joint_is_named(robot: Robot) -> None:
+def test_missing_data_for_the_torque_of_a_joint_are_named(robot: Robot) -> None:
     joint = robot.joints[0]
     assert joint.motor is not None
     for changes, text in (

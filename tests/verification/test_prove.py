@@ -254,7 +254,7 @@ def test_open_boxes_are_no_witnesses() -> None:
     assert (low, high) == (pytest.approx(1.0), pytest.approx(5.0))
 
 
-def test_what_is_not_finite_is_open() -> None:
+def test_a_model_that_is_not_finite_is_open() -> None:
     for bad in (np.nan, np.inf):
         c = np.array([[1.0, bad]])
         model = prove.Model(c, np.zeros(2))

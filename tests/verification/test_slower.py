@@ -114,7 +114,7 @@ def test_a_motion_that_passes_at_full_speed_may_not_at_a_lower_one(plan):
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.5, -0.1])
-def test_what_is_no_speed_is_refused(plan, speed):
+def test_an_invalid_speed_is_refused(plan, speed):
     with pytest.raises(ProblemError):
         check_slower(plan.motion, plan.robot, plan.limits, speed)
     with pytest.raises(ProblemError):

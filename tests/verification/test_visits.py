@@ -205,7 +205,7 @@ def test_rounded_corners_and_constant_speeds_of_tables_are_not_judged(
     ]
 
 
-def test_what_is_unknown_is_not_judged(table: Trajectory, problem: Problem) -> None:
+def test_targets_of_an_unknown_problem_are_not_judged(table: Trajectory, problem: Problem) -> None:
     """The targets and lines of a problem with a scan are not judged for a table."""
     eye = load_problem(PROBLEMS / "eye_approach.yaml").eye
     spots = Scan(Task(tilt=-2.0), 0.0015, rows=2, columns=2)

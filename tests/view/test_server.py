@@ -146,7 +146,7 @@ def test_anything_but_the_pages_requests_is_refused(
 
 
 @pytest.mark.parametrize("body", ["", "{", "[]", "3", '{"alpha": NaN}', "[" * 2000, b"\xff\xfe"])
-def test_what_is_no_json_object_is_refused(server: ViewServer, body: str | bytes) -> None:
+def test_a_body_that_is_no_json_object_is_refused(server: ViewServer, body: str | bytes) -> None:
     assert send(server, "POST", "/ik", body)[0] == 400
 
 

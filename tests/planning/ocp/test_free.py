@@ -129,7 +129,7 @@ def test_a_free_motion_is_never_longer_than_the_straight_one_nor_fails_where_tha
     assert other.duration <= (1 + 1e-5) * straight.duration
 
 
-def test_where_only_the_joints_limit_it_a_free_motion_keeps_its_own_path(
+def test_a_free_motion_limited_by_joints_differs_from_a_straight_one(
     tilt_insert: Problem,
 ) -> None:
     """If only the joints limit it, the plan does not use the path of a straight motion."""

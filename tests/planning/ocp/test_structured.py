@@ -127,7 +127,9 @@ def test_random_problems(seed: int, solves: list[Solve], tilt_insert: Problem) -
     pytest.fail("no solve was compared")
 
 
-def test_what_it_plans_is_certified_and_says_who_solved_it(tilt_insert: Problem) -> None:
+def test_a_plan_of_the_structured_solver_is_certified_and_names_its_solver(
+    tilt_insert: Problem,
+) -> None:
     """A plan by the structured solver passes the check, and its report names the solver."""
     ours, ipopts = (
         plan(dataclasses.replace(tilt_insert, planner=planner)) for planner in ("fast", "ipopt")
@@ -235,7 +237,7 @@ def free_phase(problem: Problem) -> Phase:
     return Phase(problem, Free(Joints.from_array(points[1])), start, end, points)
 
 
-def test_what_is_longer_than_what_is_known_is_neither_cooled_nor_confirmed(
+def test_a_motion_above_the_cutoff_is_neither_cooled_nor_confirmed(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch, solves: list[Solve]
 ) -> None:
     """A motion longer than the cutoff of 1 ms is neither cooled nor confirmed by Ipopt."""

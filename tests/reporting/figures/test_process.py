@@ -99,7 +99,7 @@ FAULTS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.slow
-def test_what_does_not_come_is_drawn_here(
+def test_the_caller_draws_figures_that_the_process_does_not_deliver(
     fault: str,
     plan: Plan,
     drawn_here: dict[str, bytes],
