@@ -242,7 +242,7 @@ def test_every_variant_gives_the_same_bits(
         with_jerk(tilt_insert.robot, 35.0, 1.0), kind, "cooling", rng
     )
     result = []
-    for name in library.VARIANTS:
+    for name in ("portable", "avx2"):
         opened = library._open(name)
         if opened is None or (name == "avx2" and not opened.ssm_has_avx2()):
             continue
