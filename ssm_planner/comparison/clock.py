@@ -53,7 +53,20 @@ class Alignment:
     """Planned time, s, at which the delay does not depend on the rate."""
 
     def delay_at(self, rate: float) -> float:
-        """Return the start of the motion (s) for another rate of the clock."""
+        """Return the start of the motion in the recording for another rate of the clock.
+
+        The planned time `middle` is reached at the same time of the recording for every rate.
+
+        Parameters
+        ----------
+        rate : float
+            Planned time that passes in one second of the recording.
+
+        Returns
+        -------
+        float
+            Time of the recording, s.
+        """
         return self.delay + self.middle / self.rate - self.middle / rate
 
     @property
@@ -67,7 +80,9 @@ class Alignment:
 
 @frozen
 class Clock:
-    """Common clock of all recordings: planned time = rate · (time of the recordings − delay).
+    """Common clock of all recordings, with its start and its rate.
+
+    The planned time is rate · (time of the recordings − delay).
 
     Examples
     --------
@@ -81,13 +96,25 @@ class Clock:
     rate: float
     """Estimated rate if it differs significantly from 1, otherwise 1."""
     estimated_rate: float
+    """Planned time that passes in one second of the recordings."""
     rate_error: float
     """Standard deviation of the rate."""
     slower: bool
     """True if the motion was played more slowly, so that speeds and rate are smaller alike."""
 
     def planned_time(self, time: Array) -> Array:
-        """Convert times (n,) of the recordings to times since the start of the plan, s."""
+        """Convert times of the recordings to times of the plan.
+
+        Parameters
+        ----------
+        time : (n,) array
+            Times of the recordings, s.
+
+        Returns
+        -------
+        (n,) array
+            Times since the start of the plan, s.
+        """
         return self.rate * (time - self.delay)
 
     planned = Renamed("planned_time")
@@ -100,13 +127,13 @@ def align_axis(
 
     Parameters
     ----------
-    planned_time : (m,)
+    planned_time : (m,) array
         Instants of the plan, s. The first one is 0.
-    planned_speed : (m,)
+    planned_speed : (m,) array
         Planned speed in any unit. The axis is at rest before and after the plan.
-    time : (n,)
+    time : (n,) array
         Instants of the recording, s.
-    measured : (n,)
+    measured : (n,) array
         Measured speed in the unit of the planned speed.
 
     Returns
@@ -120,8 +147,9 @@ def align_axis(
     threshold = END_SPEED_RATIO * np.abs(planned_speed).max()
     moves = np.flatnonzero(np.abs(measured) > threshold)
     stop = int(moves[-1]) + 2 if len(moves) else len(time)
+    # These slices end one sample after the motion.
     coarse = match_speed(planned_time, planned_speed, time[:stop], measured[:stop])
-    # Samples of a long rest do not contribute. Means of the others contain less noise.
+    # Samples of a long rest do not contribute. Means of `step` other samples contain less noise.
     end = coarse.delay + planned_time[-1]
     margin = MAX_SPEED_DEVIATION * planned_time[-1]
     start_index, end_index = np.searchsorted(time, [coarse.delay - margin, end + margin])
@@ -166,10 +194,26 @@ def estimate_speed(
         Times (n,) in s and planned motor speeds (n,) in rad/s of each axis.
     recordings : sequence of pairs
         Times (m,) in s and measured motor speeds (m,) in rad/s of each axis.
+
+    Returns
+    -------
+    float
+        Speed of execution. It is 1 if the difference from the planned speed is not significant.
     """
 
     def costs(speed: float) -> list[float]:
-        """Return the cost of the best plan for each recording, see `Match.cost`."""
+        """Return how badly the best plan explains each recording.
+
+        Parameters
+        ----------
+        speed : float
+            Speed of execution, as a multiple of the planned speed.
+
+        Returns
+        -------
+        list of float
+            Share of the squared speed that the best plan does not explain, for each recording.
+        """
         results = []
         for time, measured in recordings:
             matches = [match_speed(t, planned, time, measured, speed) for t, planned in plans]
@@ -183,7 +227,8 @@ def estimate_speed(
     speed = min(mean_costs, key=lambda speed: mean_costs[speed])
     cost = mean_costs[speed]
     planned_cost = float(np.mean(planned_costs))
-    # A recording of two motions leaves half of its squared speed unexplained.
+    # The other speed must divide the unexplained share by four, or multiply the explained share by
+    # four, because a recording of two motions leaves half of its squared speed unexplained.
     explains = 4 * cost < planned_cost or 1 - cost > max(
         4 * (1 - planned_cost), 1 - MIN_CLOCK_CORRELATION**2
     )
@@ -211,10 +256,14 @@ def match_speed(
 
     Parameters
     ----------
-    planned_time, planned_speed : (n,)
-        Instants of the plan in s, and planned speeds in rad/s.
-    time, measured : (m,)
-        Instants of the recording in s, and measured speeds in rad/s.
+    planned_time : (n,) array
+        Instants of the plan, s.
+    planned_speed : (n,) array
+        Planned motor speeds, rad/s.
+    time : (m,) array
+        Instants of the recording, s.
+    measured : (m,) array
+        Measured motor speeds, rad/s.
     speed : float
         Speed of execution, as a multiple of the planned speed.
 
@@ -224,6 +273,7 @@ def match_speed(
         Delay, cost and correlation. The delay is the start of the recorded motion if the recording
         is too short for a comparison.
     """
+    # SciPy's signal module takes long to import, and other commands do not need it.
     from scipy.signal import correlate
 
     moving = np.flatnonzero(np.abs(measured) > END_SPEED_RATIO * np.abs(measured).max(initial=0.0))
@@ -237,16 +287,17 @@ def match_speed(
         return SpeedMatch(float(start), float(len(moving) > 0), 0.0, 1.0)
     product = correlate(w, v, method="fft")
     shifts = np.arange(1 - len(v), len(w))
-    # Energy of the part of v that overlaps w, for each shift of v.
+    # `product` is the scalar product of w and the shifted v, and `energy` is the sum of the squares
+    # of the part of v that overlaps w, for each shift.
     sums = np.append(0.0, np.cumsum(v**2))
     energy = sums[np.minimum(len(v), len(w) - shifts)] - sums[np.maximum(0, -shifts)]
-    # A short overlap does not determine a correlation.
+    # A short overlap does not determine a correlation, so its energy counts as 0.1 % of the total.
     least_energy = np.maximum(energy, 1e-3 * sums[-1])
     total = float(w @ w)
     correlation = product / np.sqrt(least_energy * total)
     k = int(np.argmax(np.abs(correlation)))
-    # Squared differences without the constant w·w. A recording that fits both directions equally
-    # well is not reversed.
+    # |w − v|² and |w + v|² without the constant w·w. A recording that fits both directions equally
+    # well does not count as reversed.
     errors = min(
         energy - 2 * product, energy + 2 * product + (1 - MIN_CLOCK_CORRELATION) * total, key=np.min
     )
@@ -271,6 +322,12 @@ def estimate_clock(axes: Sequence[Alignment], drift: float) -> Clock:
     drift : float
         Smallest deviation of the rate from 1 that is corrected. The uncertainty of the rate is
         added.
+
+    Returns
+    -------
+    Clock
+        Start, rate and uncertainty. The rate is 1 if the estimate does not differ significantly
+        from 1, or if the motion was executed more slowly.
     """
     reliable_axes = [axis for axis in axes if axis.determines_clock]
     reliable = reliable_axes or [max(axes, key=lambda axis: axis.agreement)]
@@ -284,9 +341,19 @@ def estimate_clock(axes: Sequence[Alignment], drift: float) -> Clock:
 
 
 def _common_rate(axes: Sequence[Alignment]) -> tuple[float, float]:
-    """Combine the rates of several axes into the rate of one clock and its standard deviation.
+    """Combine the rates of several axes into the rate of one clock.
 
-    The result is the weighted mean of the rates, or their median if they contradict each other.
+    Parameters
+    ----------
+    axes : sequence of Alignment
+        Alignments with finite errors of their rates.
+
+    Returns
+    -------
+    rate : float
+        Mean of the rates, weighted by 1 / error², or their median if they contradict each other.
+    error : float
+        Standard deviation of the weighted mean.
     """
     rates = [axis.rate for axis in axes]
     errors = np.array([axis.rate_error for axis in axes])
@@ -297,12 +364,38 @@ def _common_rate(axes: Sequence[Alignment]) -> tuple[float, float]:
 
 
 def planned_speed_at(planned_time: Array, planned_speed: Array, t: Array) -> Array:
-    """Interpolate the planned speed (m,) at planned times t (n,). It is 0 outside of the motion."""
+    """Interpolate the planned speed, which is 0 outside of the motion.
+
+    Parameters
+    ----------
+    planned_time : (m,) array
+        Instants of the plan, s.
+    planned_speed : (m,) array
+        Planned speed at these instants, in any unit.
+    t : (n,) array
+        Planned times, s.
+
+    Returns
+    -------
+    (n,) array
+        Planned speed at the times `t`.
+    """
     return np.interp(t, planned_time, planned_speed, left=0.0, right=0.0)
 
 
 def speed_correlation(x: Array, y: Array) -> float:
-    """Return the correlation of two speeds (n,), or 0 if one of them is always 0."""
+    """Return the correlation of two speeds, which is their normalized scalar product.
+
+    Parameters
+    ----------
+    x, y : (n,) arrays
+        Speeds at the same instants.
+
+    Returns
+    -------
+    float
+        Correlation from −1 to 1. It is 0 if one of the speeds is always 0.
+    """
     size = float(np.linalg.norm(x) * np.linalg.norm(y))
     return float(x @ y) / size if size > 0 else 0.0
 
@@ -337,7 +430,7 @@ def _refine_alignment(
         Planned time at which the delay does not depend on the rate, s.
     """
     no_result = start, 1.0, 1.0, (np.inf, np.inf), 0.0
-    slope = np.gradient(planned_speed, planned_time)
+    acceleration = np.gradient(planned_speed, planned_time)
     cutoff = MAX_SPEED_DEVIATION * np.abs(planned_speed).max()
     duration = float(planned_time[-1])
     # The planned time of the middle sample is almost independent of the rate.
@@ -348,9 +441,10 @@ def _refine_alignment(
     for _ in range(12):
         planned_t = rate * (t - centre) + middle
         speed = planned_speed_at(planned_time, planned_speed, planned_t)
-        derivative = size * planned_speed_at(planned_time, slope, planned_t)
+        derivative = size * planned_speed_at(planned_time, acceleration, planned_t)
         residual = w - size * speed
         is_used = (np.abs(residual) < cutoff) & ((speed != 0) | (derivative != 0))
+        # Derivatives of the model by `centre`, rate and size
         jacobian = np.stack([-rate * derivative, derivative * (t - centre), speed], axis=1)[is_used]
         normal_matrix = jacobian.T @ jacobian
         if is_used.sum() < 8 or np.linalg.cond(normal_matrix) > 1e14:

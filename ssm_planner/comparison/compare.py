@@ -57,13 +57,26 @@ class Difference:
     """
 
     rms: float
+    """Root of the mean squared difference, in the unit of the quantity."""
     largest: float
+    """Largest magnitude of the differences, in the unit of the quantity."""
     nrmsd: float | None
     """RMS divided by the range of the measured values. None if the measured value is constant."""
 
     @classmethod
     def from_samples(cls, planned: Array, measured: Array) -> "Difference":
-        """Compute the statistics from planned and measured values (n,)."""
+        """Compute the statistics from planned and measured values.
+
+        Parameters
+        ----------
+        planned, measured : (n,) arrays
+            Values at the same instants, in any unit.
+
+        Returns
+        -------
+        Difference
+            Statistics in the unit of the values.
+        """
         error = planned - measured
         size = rms(error)
         spread = float(np.ptp(measured))
@@ -133,7 +146,7 @@ class AxisComparison:
 
 @record
 class Comparison:
-    """The comparison of a plan with recordings of its axes. Iteration yields the axes.
+    """Comparison of a plan with recordings of its axes. Iteration yields the axes.
 
     Examples
     --------
@@ -214,7 +227,8 @@ def compare(
         tracking error.
     speed : float, optional
         Speed at which the motion was meant to be executed, as a multiple of the planned speed. None
-        means the planned speed. A run at any other speed is not held, but is compared at its speed.
+        means the planned speed. An execution at any other speed gets the verdict "not held", but
+        its differences and limits refer to the speed of execution.
 
     Returns
     -------
@@ -293,7 +307,22 @@ def _align_axes(
     """
 
     def align_at(speed: float) -> tuple[list[Alignment], Clock, float]:
-        """Align all axes with the plan if it is executed at a given speed."""
+        """Align all axes with the plan that is executed at a given speed.
+
+        Parameters
+        ----------
+        speed : float
+            Speed of execution, as a multiple of the planned speed.
+
+        Returns
+        -------
+        alignments : list of Alignment
+            One alignment for each recording.
+        clock : Clock
+            Common clock of all recordings.
+        speed : float
+            The given speed.
+        """
         alignments = [
             align_axis(plan.time / speed, plan.speed * speed, recording.time, recording.w)
             for plan, recording in zip(plans, recordings, strict=False)
@@ -324,6 +353,11 @@ def _compare_axis(
         Certificate of the plan, or None if its margins do not apply.
     lag : float
         Permitted delay at the largest speed, s.
+
+    Returns
+    -------
+    AxisComparison
+        Differences, limits and findings of this axis.
     """
     plan = axis.plan
     measured = axis.measured

@@ -96,7 +96,18 @@ class HasVerdict(Protocol):
 
 
 def worst_verdict(*groups: Iterable[HasVerdict]) -> Verdict:
-    """Return the worst verdict: "not held" before "cannot tell" before "held"."""
+    """Return the worst verdict of the parts of a comparison.
+
+    Parameters
+    ----------
+    *groups : iterables
+        Parts with a verdict, such as findings or axes.
+
+    Returns
+    -------
+    str
+        "not held" if any part has it, otherwise "cannot tell" if any part has it, otherwise "held".
+    """
     order: tuple[Verdict, ...] = ("held", "cannot tell", "not held")
     verdicts = [item.verdict for item in chain.from_iterable(groups)]
     return max(verdicts, key=order.index, default="held")
@@ -210,12 +221,23 @@ class AlignedAxis:
         return self.mean_noise(self.speed_error, self.measured.speed_resolution)
 
     def mean_noise(self, error: Array, resolution: float) -> float:
-        """Return the standard deviation σ, such that a mean of n samples has the noise σ/√n.
+        """Estimate the noise of a single sample from the noise of means.
 
-        It is the smallest value over all windows. Ripple that cancels in means increases the value
-        of short windows, and a slow oscillation increases that of long windows.
+        The result σ is such that a mean of n samples has the standard deviation σ/√n. It is the
+        smallest value over all windows. Ripple that cancels in means increases the value of short
+        windows, and a slow oscillation increases that of long windows.
 
-        `error` (n,) is the difference from the plan, in the unit of the resolution.
+        Parameters
+        ----------
+        error : (n,) array
+            Difference between the measured and the planned values.
+        resolution : float
+            Resolution of the channel, in the unit of the error.
+
+        Returns
+        -------
+        float
+            Standard deviation in the unit of the error.
         """
         moving = error[self.moving]
         return min(
@@ -256,7 +278,11 @@ class AlignedAxis:
 
     @property
     def visible(self) -> dict[str, float]:
-        """Shortest and smallest faults that the recording can show, see `AxisComparison`."""
+        """Shortest and smallest faults that the recording can show.
+
+        The entries are "duration" (s), "position" of the joint (rad or m), and "speed" (rad/s) and
+        "torque" (N·m) of the motor.
+        """
         resolution = self.measured.torque_resolution
         torque = estimate_noise(self.torque_error[self.moving], 1, resolution)
         return {
@@ -268,7 +294,18 @@ class AlignedAxis:
         }
 
     def interpolate_plan(self, values: Array) -> Array:
-        """Interpolate values of the plan (m,) at the samples (n,)."""
+        """Interpolate planned values at the samples of the recording.
+
+        Parameters
+        ----------
+        values : (m,) array
+            Planned values at the instants of the prediction.
+
+        Returns
+        -------
+        (n,) array
+            Planned values at the samples.
+        """
         return np.interp(self.t, self.plan.time, values)
 
     @property
@@ -315,6 +352,11 @@ def map_to_clock(
         Position of the planned motion in the recording.
     clock : Clock
         Common clock of all recordings.
+
+    Returns
+    -------
+    AlignedAxis
+        Recording and plan on the common clock.
     """
     t = clock.planned_time(measured.time)
     step = float(np.median(np.diff(measured.time)))
@@ -325,7 +367,7 @@ def map_to_clock(
             half = measured.speed_resolution / 2
             speed_error[is_resting] -= np.clip(np.mean(speed_error[is_resting]), -half, half)
     distance = trapezoidal_integral(t, speed_error / plan.ratio)
-    distance -= np.interp(0.0, t, distance)
+    distance -= np.interp(0.0, t, distance)  # 0 at the start of the motion
     return AlignedAxis(
         plan,
         measured,
@@ -338,7 +380,7 @@ def map_to_clock(
 
 
 def find_faults(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
-    """Yield the findings on one axis. The limits are checked separately by `check_limits`.
+    """Yield the findings on one axis, except for its limits (`check_limits`).
 
     Parameters
     ----------
@@ -347,6 +389,12 @@ def find_faults(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     lag : float
         Delay (s) that is permitted at the largest speed. It determines the permitted tracking
         error.
+
+    Yields
+    ------
+    Finding
+        Faults and remarks: sampling, unread data, tracking, stall or saturation, torque, and
+        further motions in the recording.
     """
     yield from check_sampling(axis)
     for text in axis.measured.doubts:
@@ -362,7 +410,18 @@ def find_faults(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
 
 
 def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
-    """Yield findings on gaps, missing samples and missing parts of the motion."""
+    """Check that a recording contains the whole motion without long gaps.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+
+    Yields
+    ------
+    Finding
+        Missing parts of the motion, the longest gap, and the share of missing samples.
+    """
     step = axis.step
     outside = max(float(axis.t[0]), axis.plan.duration - float(axis.t[-1]))
     if round(outside, 3) > MAX_SAMPLE_GAP:
@@ -412,6 +471,11 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
         Recording and plan of the axis.
     lag : float
         Permitted delay, s.
+
+    Yields
+    ------
+    Finding
+        First "contradiction", then "tracking", each only if it applies.
     """
     joint = axis.plan.joint
     noise = position_noise(axis)
@@ -448,7 +512,20 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
 
 
 def position_noise(axis: AlignedAxis) -> float:
-    """Return the possible noise of a measured or integrated position, rad or m."""
+    """Return the possible error of a measured or integrated joint position.
+
+    Without a position channel, the position is the integral of the measured speed.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+
+    Returns
+    -------
+    float
+        Possible error, rad or m.
+    """
     if axis.measured.q is None:
         return axis.integral_noise[1]
     resolution = axis.measured.position_resolution
@@ -468,17 +545,36 @@ def find_other_motion(axis: AlignedAxis, plans: Sequence[AxisPrediction]) -> Fin
         Recording and plan of the axis.
     plans : sequence of AxisPrediction
         Predictions of all joints, with which swapped recordings are recognised.
+
+    Returns
+    -------
+    Finding or None
+        Finding with the verdict "not held". None if the recording shows the planned motion.
     """
     measured = axis.measured
     likeness = axis.alignment.correlation
     noise = SIGNIFICANT_DEVIATIONS * axis.sigma
 
     def fit(plan: AxisPrediction, speed: float = 1.0) -> SpeedMatch:
-        """Find a plan that is executed at a speed in the recording."""
+        """Match the recording with a plan that is executed at a given speed.
+
+        Parameters
+        ----------
+        plan : AxisPrediction
+            Prediction of one of the axes.
+        speed : float
+            Speed of execution, as a multiple of the planned speed.
+
+        Returns
+        -------
+        SpeedMatch
+            Delay, cost and correlation of the best match.
+        """
         return match_speed(plan.time, plan.speed, measured.time, measured.w, speed)
 
     own_fit = fit(axis.plan)
     best_plan = min(plans, key=lambda plan: fit(plan).cost)
+    # A recording with times in ms instead of s, or the opposite, fits at one of these speeds.
     scale = max((1e-3, 1e3), key=lambda scale: fit(axis.plan, scale).correlation)
     is_proportional = 1 - abs(own_fit.correlation) < STANDSTILL_SPEED_RATIO
     text = f"its speed is not the planned one of joint {measured.joint}"
@@ -515,7 +611,19 @@ def find_other_motion(axis: AlignedAxis, plans: Sequence[AxisPrediction]) -> Fin
 
 
 def describe_factor(factor: float) -> str:
-    """Describe a measured value as a multiple of the planned one, and name likely causes."""
+    """Describe the ratio of a measured to a planned value, and name likely causes.
+
+    Parameters
+    ----------
+    factor : float
+        Measured value divided by the planned value.
+
+    Returns
+    -------
+    str
+        Part of a sentence, such as "57.30 times the predicted: are its units wrong (degrees and
+        radians)?".
+    """
     sign = ", so its sign is wrong" if factor < 0 else ""
     size = abs(np.log(max(abs(factor), 1e-9)))
     units = [text for ratio, text in UNIT_FACTORS.items() if abs(size - np.log(ratio)) < 0.2]
@@ -525,7 +633,18 @@ def describe_factor(factor: float) -> str:
 
 
 def find_second_motion(axis: AlignedAxis) -> Iterator[Finding]:
-    """Yield a finding if the motor also moves before or after the planned motion."""
+    """Check if the motor also moves before or after the planned motion.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+
+    Yields
+    ------
+    Finding
+        The longest motion outside of the plan, if it is longer than `MIN_STALL_TIME`.
+    """
     n = axis.window
     alignment = axis.alignment
     time = moving_means(alignment.rate * (axis.measured.time - alignment.delay), n)
@@ -542,10 +661,20 @@ def find_second_motion(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def find_stall(axis: AlignedAxis) -> Finding | None:
-    """Return a finding if the motor rests while the plan moves it, otherwise None.
+    """Find the longest time for which the motor rests while the plan moves it.
 
     The motor must follow the plan before and after the stall. Otherwise, the recording may belong
     to another motion.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+
+    Returns
+    -------
+    Finding or None
+        The stall. None if it is shorter than `MIN_STALL_TIME`.
     """
     n = axis.window
     level = axis.still_level
@@ -553,6 +682,7 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     planned_speed = moving_means(axis.speed, n)
     mean_speed = moving_means(axis.measured.w, n)
     is_still = np.abs(mean_speed) < level
+    # A planned speed that is clearly above the level of rest excludes the starts and stops.
     is_stalled = is_still & (np.abs(planned_speed) > 5 * level)
     start, stop, length = longest_run(is_stalled, mean_time)
     if length < MIN_STALL_TIME:
@@ -576,10 +706,20 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
 
 
 def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
-    """Yield a finding if the motor torque is saturated.
+    """Check if the motor torque is saturated.
 
     The torque is saturated if it stays at the largest torque of the motor, or if it stays at
     another value while the speed falls below the plan.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+
+    Yields
+    ------
+    Finding
+        The longest saturation, if any.
     """
     tau = axis.measured.tau
     motor = axis.plan.joint.motor
@@ -588,6 +728,7 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     mean = np.abs(moving_means(np.clip(tau, -max_torque, max_torque), n))
     top = float(mean.max(initial=0.0))
     noise = estimate_noise(tau, 1, axis.measured.torque_resolution)
+    # A mean within 2 % of the largest torque counts as the largest torque.
     level = min(0.98 * max_torque, top - 2 * noise)
     start, stop, length = longest_run(mean >= level, axis.t)
     during = f"for {length + MIN_SATURATION_TIME:.3g} s, from {float(axis.t[start]):.3g} s on"
@@ -612,10 +753,22 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
-    """Yield a finding if the torque in motion leaves its predicted band for too long.
+    """Check that the torque in motion stays in its predicted band.
 
-    The torque is averaged over the longest window.
+    The torque is averaged over the longest window (`averaging_windows`). It may leave the band for
+    a share of `MAX_OUTSIDE_SHARE` of the moving time.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+
+    Yields
+    ------
+    Finding
+        Torque outside of its band, or noise that hides the band.
     """
+    # SciPy's image module takes long to import, and other commands do not need it.
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     plan = axis.plan
@@ -623,6 +776,8 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     tau = axis.measured.tau
     # If the plan does not move the axis, both sides are 0 and no sample is selected.
     moving = np.abs(axis.speed) > STANDSTILL_SPEED_RATIO * plan.peak
+    # The band covers jumps of the torque that happen earlier or later than planned. `reach` is an
+    # odd number of planned samples.
     reach = 2 * round((TORQUE_TIME_TOLERANCE + n * axis.step / 2) / plan.time[1]) + 1
     lowest = minimum_filter1d(plan.low, reach, mode="nearest")
     highest = maximum_filter1d(plan.high, reach, mode="nearest")
@@ -632,6 +787,7 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     high = moving_means(axis.interpolate_plan(highest), n)
     resolution = axis.measured.torque_resolution
     noise = SIGNIFICANT_DEVIATIONS * axis.mean_noise(axis.torque_error, resolution) / n**0.5
+    # Windows in which every sample moves
     moving_windows = moving_means(moving.astype(float), n) > 1 - 0.5 / n
     if not moving_windows.any():
         return
@@ -661,6 +817,12 @@ def check_limits(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Ke
         Recording and plan of the axis.
     certificate : Certificate or None
         Certificate of the plan, which provides the planned margins.
+
+    Returns
+    -------
+    tuple of Kept
+        Results for the position and the velocity of the joint, the speed and the torque of its
+        motor, if any, and the acceleration of the joint.
     """
     joint, measured = axis.plan.joint, axis.measured
     speed = measured.w, axis.speed_error, measured.speed_resolution
@@ -679,7 +841,18 @@ def check_limits(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Ke
 
 
 def check_position_limit(axis: AlignedAxis) -> Kept:
-    """Compare the measured position with its limits."""
+    """Compare the measured position of a joint with its limits.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+
+    Returns
+    -------
+    Kept
+        Result at the sample that is nearest to a limit, or farthest beyond it.
+    """
     position = axis.plan.joint.limit(JointPosition)
     ends = position.low, position.high
     distance = np.minimum(axis.q - position.low, position.high - axis.q)
@@ -698,7 +871,7 @@ def check_channel_limit(
     *,
     ratio: float = 1.0,
 ) -> Kept:
-    """Compare a channel, divided by a ratio, with its limit.
+    """Compare the speed or the torque of a motor, divided by a ratio, with its limit.
 
     The result is that of the window in which the channel exceeds the limit most. A fast oscillation
     looks like noise. If no window exceeds the limit, but the noise of a single sample can hide that
@@ -718,6 +891,11 @@ def check_channel_limit(
         Resolution of the channel, in the unit of the values.
     ratio : float
         Divisor that converts the channel into the unit of the limit.
+
+    Returns
+    -------
+    Kept
+        Result of the selected window.
     """
     limit = axis.plan.joint.limit(limit_type)
     bound = limit.largest
@@ -741,10 +919,21 @@ def check_channel_limit(
 
 
 def check_acceleration_limit(axis: AlignedAxis) -> Kept:
-    """Compare the measured acceleration with its limit.
+    """Compare the measured acceleration of a joint with its limit.
 
-    The acceleration is the difference of two mean speeds. A controller adds ripple to the planned
-    acceleration. The limit may therefore be exceeded by a tenth.
+    The acceleration is the difference of two mean speeds, divided by the time between them. A
+    controller adds ripple to the planned acceleration. The limit may therefore be exceeded by a
+    tenth.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+
+    Returns
+    -------
+    Kept
+        Result for the largest acceleration.
     """
     limit = axis.plan.joint.limit(JointAcceleration)
     n = max(1, round(ACCELERATION_WINDOW / axis.step))
@@ -798,6 +987,11 @@ def _limit_result(
         Duration of the mean that gives the value, s. 0 means a single sample.
     ripple : float
         Permitted ripple of the value, which is added to the noise.
+
+    Returns
+    -------
+    Kept
+        Result without the planned margin.
     """
     verdict: Verdict = "cannot tell"
     if distance < -noise - ripple:
@@ -819,7 +1013,20 @@ def _limit_result(
 
 
 def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
-    """Yield a finding if the clock has a wrong rate, or if axes start at different times."""
+    """Check the rate of the recordings' clock, and that all axes start at the same time.
+
+    Parameters
+    ----------
+    clock : Clock
+        Common clock of all recordings.
+    axes : list of AlignedAxis
+        Recordings and plans of the axes.
+
+    Yields
+    ------
+    Finding
+        First "clock", then "out of step", each only if it applies.
+    """
     if clock.rate != 1.0:
         text = (
             f"the recordings' clock is off by {100 * (1 / clock.estimated_rate - 1):+.3g} %: their "
@@ -856,10 +1063,21 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
 
 
 def check_speed(clock: Clock, played: float, intended: float | None) -> Iterator[Finding]:
-    """Yield a finding if the motion was played at another speed than declared, or a remark.
+    """Compare the speed at which a motion was executed with the intended speed.
 
-    `played` is the speed at which the axes are compared, and `intended` the declared speed, both as
-    multiples of the planned speed. Without a declared speed, the planned speed is intended.
+    Parameters
+    ----------
+    clock : Clock
+        Common clock of all recordings.
+    played : float
+        Speed at which the axes are compared, as a multiple of the planned speed.
+    intended : float or None
+        Intended speed, as a multiple of the planned speed. None means the planned speed.
+
+    Yields
+    ------
+    Finding
+        A fault if the speeds differ, or a remark if they agree but differ from the planned speed.
     """
     speed = played * clock.estimated_rate if clock.slower else played
     allowed = intended or 1.0

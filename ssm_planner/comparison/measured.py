@@ -98,7 +98,7 @@ def read_axis_recording(
 
 
 def assign_recordings(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
-    """Assign recordings to joints, and return pairs of joint and file.
+    """Assign recordings to joints.
 
     Parameters
     ----------
@@ -106,6 +106,11 @@ def assign_recordings(texts: Sequence[str], robot: Robot) -> list[tuple[str, Pat
         `JOINT=FILE`, or only the file if its name contains the name or the number of a joint.
     robot : Robot
         Robot with the names of the joints.
+
+    Returns
+    -------
+    list of (str, Path)
+        Name of the joint and recording of each assignment.
 
     Raises
     ------

@@ -62,6 +62,17 @@ def estimate_noise(departure: Array, n: int, resolution: float) -> float:
         Number of samples in a mean.
     resolution : float
         Resolution of the channel, in the unit of the values.
+
+    Returns
+    -------
+    float
+        Standard deviation in the unit of the values.
+
+    Notes
+    -----
+    A second difference of three independent means with the standard deviation σ has the standard
+    deviation √6 σ. Rounding to multiples of the resolution has the standard deviation resolution /
+    √12.
     """
     mean = moving_means(departure, n)
     rounding = resolution / np.sqrt(12.0 * n)

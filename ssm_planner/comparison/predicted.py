@@ -138,7 +138,7 @@ def _posterior_band(
     rigid : (n,) array
         Effort of the rigid-body dynamics on the joint, N·m or N.
     qd, qdd : (n,) arrays
-        Velocity and acceleration of the joint.
+        Velocity (rad/s or m/s) and acceleration (rad/s² or m/s²) of the joint.
     direction : (n,) array
         Direction of the joint: −1, 0 or 1.
     breakaway : (n,) array
@@ -152,13 +152,13 @@ def _posterior_band(
     friction = required_friction(drive)
     if friction.posterior is None:
         return None
-    sets = {
+    parameters = {
         name: column[:, None]
         for name, column in friction.posterior.values().items()
         if name != LOAD_OFFSET
     }
-    drives = drive_with_values(drive, sets)
-    torque, _ = drive_torque(drives, rigid, qd, qdd, direction, breakaway=breakaway)
+    sampled_drive = drive_with_values(drive, parameters)
+    torque, _ = drive_torque(sampled_drive, rigid, qd, qdd, direction, breakaway=breakaway)
     low, high = np.quantile(torque, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     return (
         low - SCATTER_DEVIATIONS * friction.posterior.scatter,

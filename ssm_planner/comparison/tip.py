@@ -40,7 +40,7 @@ class MeasuredTipError:
 
     @property
     def total(self) -> float | None:
-        """Bound on the tip error of this run with a confidence of 99 %, m. None if unknown."""
+        """Bound on the tip error of this execution with 99 % confidence, m. None if unknown."""
         unseen = self.unseen.bound
         return None if self.missing or unseen is None else self.largest + unseen
 
@@ -95,7 +95,18 @@ def measured_tip_error(
 
 
 def _missing_data(axes: Sequence[AlignedAxis]) -> Iterator[str]:
-    """Yield the reasons why recordings do not suffice, such as "roll: no position channel"."""
+    """Find the reasons why recordings do not determine the tip error.
+
+    Parameters
+    ----------
+    axes : sequence of AlignedAxis
+        Recordings and predictions of the axes.
+
+    Yields
+    ------
+    str
+        Joint and reason, such as "roll: no position channel".
+    """
     for axis in axes:
         if axis.measured.q is None:
             yield f"{axis.measured.joint}: no position channel"

@@ -64,11 +64,12 @@ def export_epos4(
     mode: str = "csp",
     counts_per_turn: CountsPerTurn = None,
 ) -> JsonObject:
-    """Write the setpoints of each driven joint and objects.csv, and return entries of the manifest.
+    """Write the setpoints of all driven joints to files, and return entries of the manifest.
 
-    The file of a joint contains its stream, that is, one row of setpoints per interpolation period.
-    In mode csp, every driven joint also gets a file with the columns `time` and `position`, and the
-    setpoints of a verified plan are checked as the drives will interpolate them.
+    The file of a joint contains one row of setpoints per interpolation period, and objects.csv
+    contains settings of all drives. In mode csp, every driven joint also gets a file with the
+    columns `time` and `position`, and the setpoints of a verified plan are checked as the drives
+    will interpolate them.
 
     Parameters
     ----------
@@ -79,13 +80,15 @@ def export_epos4(
     folder : Path
         Export folder.
     suffix : str
-        Text that marks unverified files, before the extension.
+        Text before the extension of all file names: "" for a verified plan, or "_unverified".
     rate : float
         Setpoints per second, Hz. The period must be an integer from 1 to 100 ms.
     mode : str
-        csp (position), csv (velocity) or cst (torque).
+        Quantity of the setpoints: "csp" (cyclic synchronous position), "csv" (velocity) or "cst"
+        (torque).
     counts_per_turn : int or mapping from joint to int, optional
-        Increments per motor turn, see `drive_axes`.
+        Increments per motor turn (4 × encoder counts), for all joints or by joint. The default
+        comes from the motor files.
 
     Returns
     -------
@@ -138,7 +141,7 @@ class Setpoints:
     axes: Mapping[str, Axis]
     """Drives of the driven joints, by joint."""
     mode: str
-    """Mode of operation, which is a key of `STREAM_COLUMNS`."""
+    """Mode: "csp", "csv" or "cst" (cyclic synchronous position, velocity or torque)."""
     period: int
     """Interpolation period, that is, the interval between two instants, ms."""
     q: Array
@@ -159,7 +162,7 @@ class Setpoints:
         Parameters
         ----------
         suffix : str
-            Text that marks unverified files, before the extension.
+            Text before the extension of all file names: "" for a verified plan, or "_unverified".
 
         Returns
         -------
@@ -254,9 +257,11 @@ class Setpoints:
         Returns
         -------
         q : (n, 4) array
-            Positions, rounded to increments for joints with a drive, rad and m.
+            Positions of joints 1 to 3 in rad, and of joint 4 in m. Those of joints with a drive are
+            rounded to increments.
         resolution : (4,) array
-            Largest rounding error of each position, rad and m. 0 without a drive.
+            Largest rounding error of each position, rad (joints 1 to 3) or m (joint 4). It is 0 for
+            a joint without a drive.
         offsets : dict of Offsets
             Velocity and torque offsets by index of the joint.
         """
@@ -292,6 +297,7 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
     stretch : float
         New duration divided by the planned duration.
     """
+    # Without the tolerance of 1e-9 periods, floating-point errors could add a setpoint.
     count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
     t = np.arange(count, dtype=float) * (period / 1000)
     _, end_velocity = end_velocities(plan.motion)
@@ -309,9 +315,14 @@ def _check_acceptance(plan: Plan, points: Setpoints) -> None:
     Parameters
     ----------
     plan : Plan
-        Plan that is exported.
+        Plan that is exported. Its path is part of the message.
     points : Setpoints
         Setpoints of the plan in the mode csp.
+
+    Raises
+    ------
+    ExportError
+        If the setpoints exceed a limit.
     """
     certificate = points.to_reading("setpoint {}").check(plan.robot, points.limits)
     if certificate.violations:
@@ -346,9 +357,22 @@ def csp_streams(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, 
 
 
 def period_ms(rate: float) -> int:
-    """Return the interpolation period for a rate in Hz, in whole ms.
+    """Convert the rate of the setpoints to their interpolation period.
 
-    Raises ExportError if the period is not an integer from 1 to `LARGEST_PERIOD_MS`.
+    Parameters
+    ----------
+    rate : float
+        Setpoints per second, Hz.
+
+    Returns
+    -------
+    int
+        Interpolation period, ms.
+
+    Raises
+    ------
+    ExportError
+        If the period is not an integer from 1 to `LARGEST_PERIOD_MS`.
     """
     period = 1000 / rate if rate > 0 else 0.0
     is_integer = np.isfinite(period) and abs(period - np.rint(period)) < 1e-9
@@ -362,9 +386,18 @@ def period_ms(rate: float) -> int:
 
 
 def _end_velocity_notes(plan: Plan) -> list[str]:
-    """Return a note for the manifest that names the joints that still move at the end of a plan.
+    """Describe which joints still move at the end of a plan.
 
-    The list is empty if the plan ends at rest.
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is exported.
+
+    Returns
+    -------
+    list of str
+        One note for the manifest that names these joints. The list is empty if the plan ends at
+        rest.
     """
     velocities = end_velocities(plan.motion)[1].tolist()
     speeds = [
@@ -405,6 +438,7 @@ def _sample_motors(plan: Plan, t: Array, stretch: float) -> Arrays:
     motion = {name: np.empty((len(t), 4)) for name in ("q", "speed", "torque")}
     for block in blocks(len(t), PIECES_PER_BLOCK):
         samples = sample_slowed_plan(plan, plan.motion.breaks[0] + t[block], stretch)
+        # Times have floating-point errors, so the end is found with a tolerance.
         is_at_end = t[block] >= plan.motion.duration * stretch * (1 - 1e-12)
         ended = is_at_end[:, None] & ~moving
         samples.qd[ended] = 0.0
@@ -430,9 +464,10 @@ def _integer_streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dic
     axes : mapping of str to Axis
         Axes of the driven joints.
     motion : dict of (n, 4) arrays
-        Result of `_sample_motors`.
+        Joint positions "q" (rad and m), motor speeds "speed" (rad/s) and motor torques "torque"
+        (N·m).
     mode : str
-        Key of `OPERATION_MODES`, which determines the columns.
+        "csp", "csv" or "cst". It determines the columns (`STREAM_COLUMNS`).
 
     Returns
     -------
@@ -457,7 +492,7 @@ def _integer_streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dic
                 torque, INT16_MAX, name, "torque", "per mille of rated torque (INT16)"
             ),
         ]
-        # csv needs the last two of these columns, and cst only the last one.
+        # The mode csp needs all three columns, csv the last two, and cst only the last one.
         names = STREAM_COLUMNS[mode]
         streams[name] = dict(zip(names, values[-len(names) :], strict=True))
     return streams
@@ -478,6 +513,12 @@ def _setpoint_notes(
         Instants of the setpoints, s.
     entries : dict
         Entries of the manifest by joint, with the effects of rounding (`rounding_bounds`).
+
+    Yields
+    ------
+    str
+        Number of the setpoints. Then one note per joint: how much rounding changes its motion, or
+        that it moves without a drive. Also notes on placeholder values of motors and encoders.
     """
     yield f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"
     travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
@@ -584,7 +625,12 @@ def replace_end_rates(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> 
     robot : Robot
         Robot that performs the motion.
     q, qd : (n, 4) arrays
-        Rounded positions and velocities of the joints.
+        Rounded positions and velocities: rad and rad/s for joints 1 to 3, m and m/s for joint 4.
+
+    Returns
+    -------
+    TaskLimits
+        The limits with the rates of the rounded motion.
     """
     rates = task_rates(Mechanism.from_robot(robot), q[[0, -1]], qd[[0, -1]]).tolist()
     if limits.start_rate:
@@ -612,6 +658,11 @@ def _column_names(joint: Joint, driven: bool) -> tuple[str, ...]:
         Joint of the file.
     driven : bool
         True if the joint has a drive.
+
+    Returns
+    -------
+    tuple of str
+        Three names for a joint with a drive. Otherwise "position_rad" or "position_m".
     """
     return STREAM_COLUMNS["csp"] if driven else (f"position_{joint.unit}",)
 
@@ -627,8 +678,12 @@ def read_joint_tables(
 
     Parameters
     ----------
-    folder, manifest, robot : Path, dict, Robot
-        See `read_epos4`.
+    folder : Path
+        Export folder.
+    manifest : dict
+        Content of the manifest.json of the folder.
+    robot : Robot
+        Robot that performs the motion.
     time : str
         Name of the column with the time.
     columns : Callable
@@ -640,7 +695,7 @@ def read_joint_tables(
     axes : dict[str, Axis]
         Axes of the driven joints with the encoders that the manifest states.
     t : (n,) array
-        Time column, which is the same in all tables.
+        Times of the rows, s. They are the same in all tables.
     tables : dict[str, list of (n,) arrays]
         Columns by joint.
 

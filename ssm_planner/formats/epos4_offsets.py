@@ -65,14 +65,14 @@ def offset_checks(
     ----------
     robot : Robot
         Robot that performs the motion.
-    t : (n,)
+    t : (n,) array
         Times of the setpoints, s.
-    q : (n, 4)
-        Positions, rad and m.
-    resolution : (4,)
-        Largest rounding error of the positions, rad and m.
+    q : (n, 4) array
+        Positions of joints 1 to 3 in rad, and of joint 4 in m.
+    resolution : (4,) array
+        Largest rounding error of each position, in the unit of the position.
     offsets : dict[int, Offsets]
-        Offsets by index of the joint.
+        Velocity and torque offsets by index of the joint.
 
     Yields
     ------
@@ -89,6 +89,7 @@ def offset_checks(
         joint = robot.joints[i]
         beyond = np.maximum(offset.torque - high[:, i], low[:, i] - offset.torque)
         k = int(np.argmax(beyond))
+        # Tolerance: the rounding errors, and 0.1 % of the largest possible torque.
         allowed = 2 * offset.torque_rounding + 1e-3 * float(np.abs(high[:, i]).max())
         limit = FeedForward(joint.name, allowed, of_torque=True)
         yield LimitCheck.from_extreme(limit, max(float(beyond[k]), 0.0), float(t[k]))
@@ -151,6 +152,7 @@ def _velocity_check(
         Result at the setpoint with the largest ratio of the error to the allowed error.
     """
     h = np.diff(t)
+    # The factor 1 + 1e-6 covers the rounding of floating-point numbers.
     allowed = joint.acceleration * (1 + 1e-6) * h / 2 + 2 * rounding / h + offset.velocity_rounding
     start_error = np.abs(offset.velocity[:-1] - slope)
     end_error = np.abs(offset.velocity[1:] - slope)
@@ -166,9 +168,7 @@ def _motor_torque_range(
     """Return the lowest and the highest possible motor torque at each setpoint.
 
     The range covers every combination of accelerations that the joints may have near the setpoint.
-    For a joint at rest, it also covers every state of friction. The motor torque of a joint depends
-    on its own acceleration and on its load. It is evaluated at the ends of both ranges, at the
-    middle of the load, and at the centre.
+    For a joint at rest, it also covers every state of friction.
 
     Parameters
     ----------
@@ -177,20 +177,28 @@ def _motor_torque_range(
     t : (n,) array
         Times of the setpoints, s.
     q, qd : (n, 4) arrays
-        Positions and velocities of the joints.
+        Positions and velocities: rad and rad/s for joints 1 to 3, m and m/s for joint 4.
     offsets : dict[int, Offsets]
-        Offsets by index of the joint. Only joints with offsets have a finite range.
+        Velocity and torque offsets by index of the joint. Only joints with offsets have a finite
+        range.
 
     Returns
     -------
     lowest, highest : (n, 4) arrays
         Motor torques, N·m.
+
+    Notes
+    -----
+    The motor torque of a joint depends on its own acceleration and on its effort, which contains
+    the accelerations of all joints. It is evaluated at both ends of the range of the own
+    acceleration, with the other accelerations at the lowest, middle and highest effort, and at the
+    middle of both ranges.
     """
     rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
     standing = np.abs(qd) <= 1e-6 * robot.velocities + rounding
     lowest, highest = _acceleration_bounds(robot, t, qd, rounding, standing=standing)
     body = RigidBody.from_robot(robot)
-    # The values of each joint are adjacent in memory, because the law is evaluated joint by joint.
+    # The values of a joint are adjacent in memory, because drives are evaluated joint by joint.
     low = np.full((4, len(t)), np.inf)
     high = np.full((4, len(t)), -np.inf)
     for block in blocks(len(t), PIECES_PER_BLOCK):
@@ -199,32 +207,33 @@ def _motor_torque_range(
             np.ascontiguousarray(values[block].T) for values in (qd, standing, lowest, highest)
         )
         resting = np.flatnonzero(at_rest.any(axis=0))
+        # Rows of a case, direction of the friction at rest, and breakaway flag.
         cases: list[tuple[Any, float, bool]] = [(slice(None), 1.0, False)]
         cases += [(resting, sign, breaking) for sign, breaking in REST_FRICTION_STATES]
         middle = (low_qdd + high_qdd) / 2
         half = (high_qdd - low_qdd) / 2
-        # The load is affine in the accelerations.
-        load = body.inverse_dynamics(q[block], qd[block], middle.T).T
+        # The effort is an affine function of the accelerations, with the mass matrix as factor.
+        effort = body.inverse_dynamics(q[block], qd[block], middle.T).T
         effects = np.abs(mass) * half
         own_effect = effects[range(4), range(4)]
         other_effect = effects.sum(axis=1) - own_effect
         # The motor torque is monotonic in each acceleration, except where its effort changes sign.
-        for own, other in [*product((-1, 1), (-1, 0, 1)), (0, 0)]:
-            qdd = middle + own * half
-            tau = load + own * own_effect + other * other_effect
+        for own_sign, other_sign in [*product((-1, 1), (-1, 0, 1)), (0, 0)]:
+            qdd = middle + own_sign * half
+            tau = effort + own_sign * own_effect + other_sign * other_effect
             for rows, sign, breaking in cases:
                 for i in offsets:
                     drive = robot.joints[i].drive
                     assert drive is not None
-                    stands = at_rest[i, rows]
+                    is_resting = at_rest[i, rows]
                     velocity = speed[i, rows]
                     torque, _ = drive_torque(
                         drive,
                         tau[i, rows],
                         velocity,
                         qdd[i, rows],
-                        np.where(stands, sign, np.sign(velocity)),
-                        breakaway=stands & breaking,
+                        np.where(is_resting, sign, np.sign(velocity)),
+                        breakaway=is_resting & breaking,
                     )
                     block_low = low[i, block]
                     block_high = high[i, block]
@@ -238,10 +247,6 @@ def _acceleration_bounds(
 ) -> tuple[Array, Array]:
     """Bound the accelerations of the joints near each setpoint.
 
-    The bounds are the smallest and largest mean accelerations over the neighbouring intervals. They
-    are widened by what can remain hidden between two setpoints and by rounding, and never exceed
-    the acceleration limits.
-
     Parameters
     ----------
     robot : Robot
@@ -249,16 +254,26 @@ def _acceleration_bounds(
     t : (n,) array
         Times of the setpoints, s.
     qd : (n, 4) array
-        Velocities of the joints, rad/s and m/s.
+        Velocities of joints 1 to 3 in rad/s, and of joint 4 in m/s.
     rounding : (4,) array
-        Largest errors of these velocities.
+        Largest rounding errors of these velocities.
     standing : (n, 4) array of bool
         True for joints at rest.
 
     Returns
     -------
     lowest, highest : (n, 4) arrays
-        Accelerations, rad/s² and m/s². The range always contains 0.
+        Accelerations of joints 1 to 3 in rad/s², and of joint 4 in m/s². The range always contains
+        0.
+
+    Notes
+    -----
+    The mean accelerations of the `NEIGHBOUR_INTERVALS` intervals before and after a setpoint lie in
+    the range. An acceleration that begins and ends between two setpoints does not appear in these
+    means. Therefore, the range is widened by a share of the acceleration limit: the whole limit
+    near rest, otherwise the period divided by `FULL_ACCELERATION_PERIOD`, at most 1. Rounding both
+    ends of an interval of length h changes its mean acceleration by up to 2 · rounding / h. The
+    range never exceeds the acceleration limit.
     """
     h = np.diff(t)
     mean = np.diff(qd, axis=0) / h[:, None]

@@ -68,7 +68,7 @@ class Axis:
         (n,) array
             Positions in increments, rounded to whole numbers.
         """
-        return np.round(q * self.increments_per_unit) + 0.0
+        return np.round(q * self.increments_per_unit) + 0.0  # turns −0.0 into 0.0
 
     def to_dict(self) -> JsonObject:
         """Return the units of the drive as entries of the manifest."""
@@ -150,16 +150,20 @@ def encoder_notes(axes: Mapping[str, Axis]) -> list[str]:
 def check_integer_range(
     values: Array, bound: int, joint: str, quantity_name: str, unit: str
 ) -> Array:
-    """Check that an object of the drive can represent integers, and return them.
+    """Check that integers fit an object of the drive, and return them.
 
     Parameters
     ----------
-    values : (n,)
+    values : (n,) array
         Integers as floats.
     bound : int
-        Largest absolute value of the object.
-    joint, quantity_name, unit : str
-        Joint, quantity and unit for the error message.
+        Largest absolute value that the object can represent.
+    joint : str
+        Name of the joint for the error message.
+    quantity_name : str
+        Name of the quantity for the error message.
+    unit : str
+        Unit of the values for the error message.
 
     Returns
     -------
@@ -212,7 +216,7 @@ def _encoder_counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, 
     joint : Joint
         Joint with a motor.
     counts_per_turn : int or mapping from joint to int, optional
-        Number that the caller gives, see `drive_axes`.
+        Number that the caller gives, for all joints or by joint (4 × encoder counts).
 
     Returns
     -------
@@ -247,7 +251,10 @@ def _encoder_counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, 
 
 
 OPERATION_MODES = {"csp": 8, "csv": 9, "cst": 10}
-"""Value of the mode of operation (object 0x6060), by the name of the mode."""
+"""Values of object 0x6060, which selects the mode of operation, by the name of the mode.
+
+The modes are cyclic synchronous position (csp), velocity (csv) and torque (cst).
+"""
 VELOCITY_UNIT_MRPM = 0xFDB44700
 """Value of object 0x60A9 that selects 1e-3 rpm as the unit of velocities."""
 FOLLOWING_ERROR_PERIODS = 10
@@ -316,13 +323,14 @@ def pdo_mapping(mode: str) -> dict[str, list[JsonObject]]:
     Parameters
     ----------
     mode : str
-        Key of `OPERATION_MODES`.
+        "csp", "csv" or "cst" (`OPERATION_MODES`).
 
     Returns
     -------
     dict of lists of dict
         PDOs that the drive receives ("receive") and sends ("transmit"), as entries of the manifest.
     """
+    # CANopen (CiA 301) defines the indices and the CAN identifiers of the first PDO of each kind.
     receive = [
         _pdo(0x1600 + k, 0x1400 + k, 0x200 + 0x100 * k, objects)
         for k, objects in enumerate((COMMAND_OBJECTS,) + STREAM_OBJECTS[mode])
@@ -345,6 +353,11 @@ def _pdo(mapping: int, communication: int, cob_id: int, keys: tuple[str, ...]) -
         CAN identifier without the node ID.
     keys : tuple of str
         Objects in the PDO, such as "0x607A:00" (index and subindex).
+
+    Returns
+    -------
+    dict
+        Indices, CAN identifier, transmission type and objects of the PDO.
     """
     objects = []
     for key in keys:
@@ -353,6 +366,7 @@ def _pdo(mapping: int, communication: int, cob_id: int, keys: tuple[str, ...]) -
             {
                 "object": key,
                 "bits": bits,
+                # Index (4 hexadecimal digits), subindex (2) and number of bits (2) of the object.
                 "value": f"0x{key[2:6]}{key[7:]}{bits:02X}",
                 "known": STATUS_NOT_VERIFIED if key in UNCONFIRMED_OBJECTS else STATUS_QUOTED,
             }
@@ -369,7 +383,18 @@ def _pdo(mapping: int, communication: int, cob_id: int, keys: tuple[str, ...]) -
 
 
 def sync_setup(period: int) -> JsonObject:
-    """Describe the SYNC message that the controller sends once per interpolation period (ms)."""
+    """Describe the SYNC message that the controller sends once per interpolation period.
+
+    Parameters
+    ----------
+    period : int
+        Interpolation period, ms.
+
+    Returns
+    -------
+    dict
+        Entries of the manifest: CAN identifier, period and a note for the user.
+    """
     return {
         "cob_id": SYNC_COB_ID,
         "period_ms": period,
@@ -453,7 +478,7 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     axis : Axis
         Axis of the joint.
     mode : str
-        Key of `OPERATION_MODES`.
+        "csp", "csv" or "cst" (`OPERATION_MODES`).
     period : int
         Interpolation period, ms.
 
@@ -472,11 +497,12 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     joint = axis.joint
     motor = axis.joint.motor
     assert motor is not None
-    # The table epos4_objects.csv names these objects, and states their units and reasons.
     # Motor speed in rpm at a joint speed of 1 rad/s or 1 m/s:
     rpm_per_unit = 60 * abs(axis.increments_per_unit) / axis.counts_per_turn
     max_speed = joint.velocity + rounding_bounds(axis, period)["speed"]
     low, high = sorted(axis.increments_per_unit * position for position in joint.position)
+    # The table epos4_objects.csv names these objects, and states their units and reasons. Factors
+    # convert N·m to µN·m and rpm to 1e-3 rpm. The exponent −3 selects 1e-3 s.
     values = {
         "0x6060:00": OPERATION_MODES[mode],
         "0x60C2:01": period,
@@ -491,6 +517,7 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
         "0x60C5:00": math.ceil(joint.acceleration * rpm_per_unit),
     }
     if motor.torque_constant is not None:
+        # Largest current, mA
         values["0x3001:02"] = math.floor(motor.max_torque / motor.torque_constant * 1000)
     rows = []
     for key, name, unit, maximum, reason in SETUP_OBJECTS:
@@ -518,7 +545,18 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
 
 
 def setup_objects_csv(rows: list[dict[str, str]]) -> str:
-    """Return the rows of `setup_objects` as the text of a CSV file."""
+    """Write the table of the setup objects as the text of a CSV file.
+
+    Parameters
+    ----------
+    rows : list of dict
+        Rows of `setup_objects`, at least one. The first row determines the columns.
+
+    Returns
+    -------
+    str
+        Text of the file with a header line.
+    """
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=rows[0], lineterminator="\n")
     writer.writeheader()
