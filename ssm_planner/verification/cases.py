@@ -88,10 +88,10 @@ def worst_case_torques(
                 )
             parameter_sets = _extreme_parameter_sets(uncertain)
         extreme_sets: set[tuple[int, int]] = set()
-        for load in range(len(masses)):
-            extreme_sets |= motion.extreme_sets(i, drive, parameter_sets, load)
-        for k, load in sorted(extreme_sets):
-            mass = masses[load]
+        for payload_index in range(len(masses)):
+            extreme_sets |= motion.extreme_sets(i, drive, parameter_sets, payload_index)
+        for k, payload_index in sorted(extreme_sets):
+            mass = masses[payload_index]
             values = {name: float(column[k]) for name, column in parameter_sets.items()}
             texts = starmap(_parameter_text, values.items())
             descriptions = [", ".join(texts)] if limits.friction else []
@@ -103,9 +103,15 @@ def worst_case_torques(
 
 
 def _parameter_text(name: str, value: float) -> str:
-    """Describe the value of a friction parameter, such as “mu 0.12”.
+    """Describe the value of a friction parameter in words, such as “mu 0.12”.
 
-    The parameter `LAW_COLUMN` contains the index of a friction law, which is replaced by its name.
+    Parameters
+    ----------
+    name : str
+        Name of the parameter. The value of `LAW_COLUMN` is the index of a friction law in
+        `FRICTION_LAWS`, whose name is shown in its place.
+    value : float
+        Value of the parameter, in SI units.
     """
     return f"{name} {FRICTION_LAWS[int(value)]}" if name == LAW_COLUMN else f"{name} {value:.4g}"
 
@@ -188,7 +194,7 @@ class _SampledMotion:
         bodies = (RigidBody.from_robot(with_payload(robot, mass)) for mass in masses)
         self.tau = [body.inverse_dynamics(q, self.qd, self.qdd) for body in bodies]
 
-    def torque(self, i: int, drive: Drive, load: int, instants: Indices) -> Array:
+    def torque(self, i: int, drive: Drive, payload_index: int, instants: Indices) -> Array:
         """Compute the motor torque of one joint for all parameter sets of its drive.
 
         Parameters
@@ -197,7 +203,7 @@ class _SampledMotion:
             Index of the joint.
         drive : Drive
             Drive of the joint. Its friction parameters are numbers, or columns (sets, 1).
-        load : int
+        payload_index : int
             Index of the payload.
         instants : (m,) array
             Indices of the instants.
@@ -208,7 +214,7 @@ class _SampledMotion:
             Motor torques, N·m. Numbers as friction parameters give one row.
         """
         motion = (
-            self.tau[load][instants, i],
+            self.tau[payload_index][instants, i],
             self.qd[instants, i],
             self.qdd[instants, i],
             self.direction[instants, i],
@@ -216,7 +222,7 @@ class _SampledMotion:
         return np.atleast_2d(drive_torque(drive, *motion, breakaway=self.start[instants, i])[0])
 
     def extreme_sets(
-        self, i: int, drive: Drive, parameter_sets: Arrays, load: int
+        self, i: int, drive: Drive, parameter_sets: Arrays, payload_index: int
     ) -> set[tuple[int, int]]:
         """Select the parameter sets with extreme motor torques of one joint for one payload.
 
@@ -232,7 +238,7 @@ class _SampledMotion:
             Drive of the joint with nominal friction.
         parameter_sets : dict of (sets,) arrays
             Values of the friction parameters by name.
-        load : int
+        payload_index : int
             Index of the payload.
 
         Returns
@@ -241,7 +247,7 @@ class _SampledMotion:
             Pairs of the index of a parameter set and the index of the payload.
         """
         all_instants = np.arange(len(self.qd))
-        nominal = np.abs(self.torque(i, drive, load, all_instants)[0])
+        nominal = np.abs(self.torque(i, drive, payload_index, all_instants)[0])
         evenly_spaced = all_instants[:: max(len(all_instants) // EVALUATED_INSTANTS, 1)]
         largest_torques = np.argsort(nominal)[-EVALUATED_INSTANTS:]
         starts = np.flatnonzero(self.start[:, i])
@@ -251,7 +257,7 @@ class _SampledMotion:
         tables = []
         for block in blocks(set_count, block_size):
             columns = {name: column[block, None] for name, column in parameter_sets.items()}
-            torque = self.torque(i, drive_with_values(drive, columns), load, instants)
+            torque = self.torque(i, drive_with_values(drive, columns), payload_index, instants)
             mean_square = np.square(torque).mean(axis=1)
             tables.append(np.stack([torque.max(axis=1), -torque.min(axis=1), mean_square], axis=1))
-        return {(int(k), load) for k in np.argmax(np.concatenate(tables), axis=0)}
+        return {(int(k), payload_index) for k in np.argmax(np.concatenate(tables), axis=0)}

@@ -133,7 +133,10 @@ class LimitCheck:
         )
 
     def to_dict(self) -> JsonObject:
-        """Return the entry of `limits` in the output of `check --json`, in SI units."""
+        """Return the result as a dict of its attributes, in SI units.
+
+        The command `check --json` prints this dict as an entry of `limits`.
+        """
         return dict(vars(self))
 
     @classmethod
@@ -143,11 +146,12 @@ class LimitCheck:
         Parameters
         ----------
         data : dict
-            Entry of `limits` in a plan.json.
+            Entry of `limits` in a plan.json. The key "case" is optional.
 
         Returns
         -------
         LimitCheck
+            The result, equal to the one that was stored.
 
         Raises
         ------
@@ -230,7 +234,12 @@ class Certificate:
     """
 
     def __getitem__(self, key: tuple[str, str]) -> LimitCheck:
-        """Return the result of a limit by its name and joint, such as ("velocity", "tilt").
+        """Return the result of one limit.
+
+        Parameters
+        ----------
+        key : (str, str)
+            Name of the limit and name of the joint, such as ("velocity", "tilt").
 
         Raises
         ------
@@ -243,7 +252,7 @@ class Certificate:
         raise KeyError(key)
 
     def with_more(self, checks: tuple[LimitCheck, ...]) -> "Certificate":
-        """Return the certificate with further results.
+        """Return a copy of the certificate with further results.
 
         A new result replaces the earlier result for the same limit and joint, unless the limit was
         violated in the earlier result. A violation is never removed. A limit with a new result
@@ -290,10 +299,18 @@ class Certificate:
         return NOT_JUDGED if self.unjudged or not self.limits else KEPT
 
     def verdict_of(self, limit: LimitCheck) -> str:
-        """Return the verdict on one limit: "kept", "violated" or "not judged".
+        """Return the verdict on one limit.
 
-        A limit that is kept in the judged part of the motion is "not judged" if `unjudged` also
-        contains it.
+        Parameters
+        ----------
+        limit : LimitCheck
+            An entry of `limits`.
+
+        Returns
+        -------
+        str
+            "kept", "violated" or "not judged". A limit that is kept in the judged part of the
+            motion is "not judged" if `unjudged` also contains it.
         """
         if not limit.passed:
             return VIOLATED
@@ -346,7 +363,15 @@ class Certificate:
     def from_dict(cls, data: JsonObject) -> "Certificate":
         """Build a certificate from the output of `to_dict`.
 
-        The result loses its seal if the entry `passed` contradicts the limits.
+        Parameters
+        ----------
+        data : dict
+            The entry `certificate` of a plan.json.
+
+        Returns
+        -------
+        Certificate
+            The certificate. It has no seal if the stored value of `passed` contradicts the limits.
 
         Raises
         ------
@@ -495,10 +520,23 @@ def seal_error(
 def _seal_hash(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> str:
-    """Return the SHA-256 hash of a certificate and of the input of its check, in hexadecimal.
+    """Compute the hash of a certificate and of the input of its check.
 
-    The hash covers the results, the limits of the task, the robot, and the polynomials of the
-    trajectory as little-endian 64-bit floats.
+    Parameters
+    ----------
+    certificate : Certificate
+        Result of the check. Its own seal and the verdicts do not count.
+    trajectory : Trajectory
+        Checked motion, whose polynomials are hashed as little-endian 64-bit floats.
+    robot : Robot
+        Robot of the check.
+    limits : TaskLimits
+        Limits of the task.
+
+    Returns
+    -------
+    str
+        SHA-256 hash in hexadecimal.
     """
     rates: JsonObject = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
     # A motion that is repeated without pause has the same seal as one without this key.
@@ -526,7 +564,13 @@ def _seal_hash(
 def _path_keys(entry: Straight | Follow) -> JsonObject:
     """Return the keys of a motion that constrain the path of the tip.
 
-    The seal covers these keys. It does not cover the duration and the place in the problem file.
+    The seal covers these keys. It does not cover the duration of the motion and the file and line
+    that define it.
+
+    Parameters
+    ----------
+    entry : Straight or Follow
+        Motion of a problem.
     """
     return {
         key: value

@@ -277,7 +277,8 @@ def _check_smooth_pieces(
     list of LimitCheck
         One result for each quantity. Its time refers to `trajectory`.
     """
-    breaks = np.append(0.0, np.cumsum(np.diff(trajectory.breaks)[index]))
+    lengths = np.diff(trajectory.breaks)[index]
+    breaks = np.append(0.0, np.cumsum(lengths))
     smooth_motion = Trajectory(breaks, trajectory.pieces(index), ())
     checked = [item for item in limited_quantities(robot, limits) if item.limit.order >= 2]
     checked += worst_case_torques(smooth_motion, robot, limits)
@@ -290,9 +291,17 @@ def _check_smooth_pieces(
 
 
 def _missing_motor_reason(joint: Joint) -> str:
-    """Return the reason why the motor of a joint is not checked.
+    """Return the reason why the torque and the speed of a motor are not checked.
 
-    The caller adds this reason to the certificate of a joint without a drive or without a motor.
+    Parameters
+    ----------
+    joint : Joint
+        A joint without a drive or without a motor.
+
+    Returns
+    -------
+    str
+        The reason, which the certificate repeats.
     """
     if joint.drive is not None:
         return "the robot file names no motor for it"
@@ -414,9 +423,9 @@ def _check_stop_travel(motion: Trajectory, robot: Robot, limits: TaskLimits) -> 
     if limit is None:
         return []
     stops = quickest_stops(motion, robot)
-    k = int(np.argmax(stops.travel))
-    previous = stops.time[max(k - 1, 0)]
-    following = stops.time[min(k + 1, len(stops.time) - 1)]
+    farthest = int(np.argmax(stops.travel))
+    previous = stops.time[max(farthest - 1, 0)]
+    following = stops.time[min(farthest + 1, len(stops.time) - 1)]
     closer = quickest_stops(motion, robot, np.linspace(previous, following, REFINEMENT_INSTANTS))
     travel = np.append(stops.travel, closer.travel)
     time = np.append(stops.time, closer.time)

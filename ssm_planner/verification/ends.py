@@ -50,7 +50,8 @@ class JumpRecorder:
         self._previous_end: Array | None = None
         velocity = robot.velocities
         acceleration = robot.accelerations
-        # Without a jerk limit, jumps of the acceleration may add up to any value.
+        # Without a jerk limit, jumps of the acceleration may add up to any value. The large number
+        # replaces infinity, which would give NaN if it is multiplied by a time of 0.
         jerk = np.array([1e100 if joint.jerk is None else joint.jerk for joint in robot.joints])
         self._tolerance = JUMP_TOLERANCE * np.array([np.ones(4), velocity, acceleration])
         self._tolerated_drift = JUMP_DRIFT_RATE * np.array([velocity, acceleration, jerk])
@@ -106,6 +107,7 @@ class JumpRecorder:
             np.cumsum(jump, axis=0)
             - self._tolerated_drift * (time - self._previous_time)[:, None, None]
         )
+        # A sum that begins with jump i is the rise at its end minus the rise just before i.
         lowest = np.minimum.accumulate(np.concatenate([-self._previous_sum[None], rise - jump]))[1:]
         level = rise - lowest
         self._previous_sum = level[-1]
@@ -242,7 +244,8 @@ def check_end_velocities(
                 joint.name, JUMP_TOLERANCE * joint.velocity, joint.slides, at_end=bool(end)
             )
             deviation = abs(float(velocity[i] - declared_velocity[i]))
-            checks.append(LimitCheck.from_extreme(limit, deviation, float(trajectory.breaks[-end])))
+            time = float(trajectory.breaks[-1 if end else 0])
+            checks.append(LimitCheck.from_extreme(limit, deviation, time))
     return checks
 
 

@@ -97,7 +97,7 @@ def compute_joint_stops(
 def _earliest_stop(
     motion: Trajectory, instants: Array, stops: list[StopPieces | None], first: int
 ) -> StopPieces:
-    """Return the pieces of the first possible stop from an instant.
+    """Build the pieces of the first possible stop at or after an instant.
 
     If no stop is possible at this instant, the robot continues its motion until one is possible, or
     until the motion ends.
@@ -112,6 +112,11 @@ def _earliest_stop(
         The stop from each instant. None if it would violate a limit.
     first : int
         Index of the instant at which the stop is requested.
+
+    Returns
+    -------
+    StopPieces
+        Durations (m,) in s and coefficients (m, 6, 4) of the pieces, with the continued motion.
     """
     last = next((k for k in range(first, len(stops)) if stops[k] is not None), len(stops) - 1)
     no_pieces = np.zeros(0), np.zeros((0, DEGREE + 1, 4))
@@ -123,7 +128,7 @@ def _earliest_stop(
 
 
 def _motion_between(motion: Trajectory, start: float, end: float) -> StopPieces:
-    """Return the pieces of a motion between two instants.
+    """Cut the pieces of a motion between two instants.
 
     The first piece is shifted in time if it begins within a piece of the motion.
 
@@ -133,6 +138,11 @@ def _motion_between(motion: Trajectory, start: float, end: float) -> StopPieces:
         The motion.
     start, end : float
         Instants in s from the start of the motion.
+
+    Returns
+    -------
+    StopPieces
+        Durations (m,) in s and coefficients (m, 6, 4) of the pieces.
     """
     breaks = motion.breaks - motion.breaks[0]
     inner = breaks[(breaks > start + MIN_PIECE_DURATION) & (breaks < end - MIN_PIECE_DURATION)]
@@ -153,9 +163,7 @@ def _stops_from_states(
 ) -> list[StopPieces]:
     """Compute stops from n states without regard to limits of the task and of the motors.
 
-    The equations are those in the docstring of this module. v and a are the velocity and the
-    acceleration in the direction in which the joint would come to rest too late. `peak` is the
-    largest deceleration P.
+    The equations and their symbols are those in the docstring of this module.
 
     Parameters
     ----------
@@ -171,21 +179,27 @@ def _stops_from_states(
     Returns
     -------
     list of n StopPieces
+        Durations (m,) in s and coefficients (m, 6, 4) of the pieces of each stop.
     """
     jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
     rests = (np.abs(states.qd) <= rest_speeds(robot)) & (states.qdd == 0.0)
     velocity = np.where(rests, 0.0, states.qd)
     side = np.sign(velocity + states.qdd * np.abs(states.qdd) / (2 * jerk))
+    # v and a count in the direction in which the joint would come to rest too late.
     v = side * velocity
     a = side * states.qdd
+    # Velocity that the deceleration must remove, with the part that a adds until it has fallen to
+    # 0.
     loss = v + a**2 / (2 * jerk)
     # Without a limit on the jerk, the product of 0 and infinity is 0.
     square = np.where(loss > 0, loss, 0.0) * np.where(loss > 0, jerk, 0.0)
     quickest = np.minimum(np.sqrt(square), np.maximum(share * robot.accelerations, -a))
-    peak = quickest
+    peak = quickest  # the largest deceleration P
     if together:
         hold = np.divide(loss, quickest, out=np.zeros_like(v), where=quickest > 0)
         duration = ((a + quickest) / jerk + hold).max(axis=1, keepdims=True)
+        # The equation for T is P²/J − b P + loss = 0. This form of its smaller solution is
+        # accurate.
         b = duration - a / jerk
         root = np.sqrt(np.maximum(b**2 - 4 * loss / jerk, 0.0))
         peak = np.divide(2 * loss, b + root, out=np.zeros_like(v), where=loss > 0)
@@ -212,7 +226,7 @@ def _pieces_of_phases(
     Parameters
     ----------
     q, velocity : (n, 4) arrays
-        Positions and velocities at the starts of the stops.
+        Positions (rad, m) and velocities of the four joints at the starts of the stops.
     accelerations, jerks : (4, n, 4) arrays
         Accelerations at the starts of three phases and of the rest after them, and their jerks.
     durations : (3, n, 4) array
@@ -221,6 +235,7 @@ def _pieces_of_phases(
     Returns
     -------
     list of n StopPieces
+        Durations (m,) in s and coefficients (m, 6, 4) of the pieces of each stop.
     """
     positions = [q]
     velocities = [velocity]
@@ -241,6 +256,8 @@ def _pieces_of_phases(
         joint = np.arange(4)
         x, dx, ddx, dddx = phases[:, index, i, joint]
         t = nodes[:-1, None] - starts[index, i, joint]
+        # Taylor coefficients of each joint's phase at the start t of the piece within the phase.
+        # ddx and dddx are already divided by 2 and 6.
         coefficients = np.zeros((len(t), DEGREE + 1, 4))
         coefficients[:, 0] = x + dx * t + ddx * t**2 + dddx * t**3
         coefficients[:, 1] = dx + 2 * ddx * t + 3 * dddx * t**2
@@ -265,7 +282,8 @@ def _limit_excesses(stops: list[StopPieces], robot: Robot, limits: TaskLimits) -
     Returns
     -------
     (n,) array
-        Negative margins, as in `LimitedQuantity.excess`. It is −∞ for a stop without pieces.
+        Distance beyond the nearer end of the permitted range, divided by half the width of the
+        range. It is negative if all limits hold, and −∞ for a stop without pieces.
     """
     counts = [len(lengths) for lengths, _ in stops]
     excess = np.full(len(stops), -np.inf)

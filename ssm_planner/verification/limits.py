@@ -120,7 +120,7 @@ class WorstValue:
 
     Attributes
     ----------
-    quantity : Quantity
+    quantity : LimitedQuantity
         Quantity whose values are compared.
     excess : float
         Relative excess of the value over its bound, which is the negative margin.
@@ -136,7 +136,17 @@ class WorstValue:
     time: float = 0.0
 
     def update(self, excess: float, value: float, time: float) -> None:
-        """Store a value with its excess and time if it is worse than the stored value."""
+        """Store a value if it is worse than the stored value.
+
+        Parameters
+        ----------
+        excess : float
+            Relative excess of the value over its limit (see `LimitedQuantity.excess`).
+        value : float
+            The value, in SI units.
+        time : float
+            Time of the value, s.
+        """
         if excess > self.excess:
             self.excess = excess
             self.value = value
@@ -145,8 +155,12 @@ class WorstValue:
     def to_limit_check(self) -> LimitCheck:
         """Convert the worst value into the result of its limit.
 
-        If the permitted range is symmetric about 0, the result contains the magnitude of the value
-        and the upper end of the range. Otherwise, it contains the value and the nearer end.
+        Returns
+        -------
+        LimitCheck
+            If the permitted range is symmetric about 0, the result contains the magnitude of the
+            value and the upper end of the range. Otherwise, it contains the value and the nearer
+            end.
         """
         limit, value = self.quantity.limit, self.value + 0.0  # turns −0 into 0
         bound = limit.high if limit.high - value <= value - limit.low else limit.low
@@ -181,6 +195,7 @@ def limited_quantities(robot: Robot, limits: TaskLimits) -> Iterator[LimitedQuan
     Yields
     ------
     LimitedQuantity
+        A limit with the rule that computes the limited value.
     """
     for i, joint in enumerate(robot.joints):
         for limit in joint.limits:

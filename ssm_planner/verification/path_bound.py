@@ -126,12 +126,12 @@ def path_bound(
     limits : TaskLimits
         Limits on task rates and on the speed of the tool.
     span : (float, float)
-        Times in s, at breaks of the trajectory.
+        Start and end of the path in s, at breaks of the trajectory.
     squares : (n + 1,) array, optional
-        ṡ² of a timing at the grid points, by default that of the motion. The bound is closest if
-        this timing is nearly optimal.
+        ṡ² of a timing at the ends of the n intervals of the path. The default is the timing of the
+        motion. The bound is closest if the timing is nearly optimal.
     refinement : int
-        Factor on the number of intervals, see `PathRows.from_trajectory`.
+        Factor on the number of intervals. A factor of 1 gives about 100 intervals.
 
     Returns
     -------
@@ -152,9 +152,9 @@ def path_bound(
     changes: dict[LimitKey, float] = defaultdict(float)
     for name, change in zip(names, by_row.tolist(), strict=True):
         changes[name] += change
-    uses = path.speed_ratios(limits)
-    binding = np.argmax(np.stack(list(uses.values())), axis=0)
-    for k, name in enumerate(uses):
+    speed_ratios = path.speed_ratios(limits)
+    binding = np.argmax(np.stack(list(speed_ratios.values())), axis=0)
+    for k, name in enumerate(speed_ratios):
         changes[name] += float(by_point[path.moves & (binding == k)].sum())
     binding_limits = (Sensitivity(*name, change) for name, change in changes.items() if change)
     return program.bound(multipliers), tuple(binding_limits)
@@ -193,36 +193,41 @@ class _DualProgram:
     lengths: Array
     """Lengths of the intervals, (n,)."""
     unknowns: Array
-    """Numbers of the unknowns, see `_number_unknowns`, (2, n, rows)."""
+    """Number of the unknown multiplier of each row at the start and at the end of each interval,
+    (2, n, rows). It is −1 where the multiplier is 0.
+    """
 
     @classmethod
     def from_rows(
         cls, path: PathRows, rows: Sequence[Array], max_speed: Array, squares: Array
     ) -> "_DualProgram":
-        """Build the program of a path.
+        """Build the linear program of a path.
 
         Parameters
         ----------
         path : PathRows
             The path, sampled at five points of n intervals.
         rows : sequence of (4, 5n) arrays
-            Values of the rows at the PROBES.
+            Values of each row at the four pairs (s̈, ṡ) in `path_rows.PROBE_STATES`.
         max_speed : (5n,) array
             Speed limits F.
         squares : (n + 1,) array
-            ṡ² of the timing y₀ at the grid points.
+            ṡ² of the timing y₀ at the ends of the intervals.
         """
         from scipy.sparse import csr_matrix
 
         count = len(path.lengths)
+        # s̈ is constant in an interval, so ṡ² is linear in s and grows by 2 s̈ times the length.
         gained = np.diff(squares)
         speed_squared = np.concatenate([squares[:-1] + share * gained for share in POINT_POSITIONS])
         acceleration = np.tile(gained / (2 * path.lengths), len(POINT_POSITIONS))[:, None]
         a, b, c, k = row_coefficients(np.stack(rows, axis=2))
         y = np.sqrt(speed_squared)
         slack = 1 - (a * acceleration + b * speed_squared[:, None] + c + k * y[:, None])
-        slope = np.tensordot(QUARTIC_DERIVATIVES, a.reshape(len(POINT_POSITIONS), count, -1), 1)
-        slope = (slope / path.lengths[:, None]).reshape(a.shape)
+        a_derivative = np.tensordot(
+            QUARTIC_DERIVATIVES, a.reshape(len(POINT_POSITIONS), count, -1), 1
+        )
+        a_derivative = (a_derivative / path.lengths[:, None]).reshape(a.shape)
         max_speed_squared = np.minimum(max_speed[1:count], max_speed[-count:-1]) ** 2
         largest_rounding = COEFFICIENT_JUMP_TOLERANCE * np.abs(a).max(axis=0)
         jumps = np.abs(a[1:count] - a[-count:-1]) > largest_rounding
@@ -248,7 +253,7 @@ class _DualProgram:
             y=y,
             max_speed=max_speed,
             weights=np.multiply.outer(SIMPSON_WEIGHTS, path.lengths).reshape(2, -1),
-            p=linear(b - slope / 2) - linear(a / 2, change),
+            p=linear(b - a_derivative / 2) - linear(a / 2, change),
             kappa=linear(k),
             mu=mu,
             excess=linear(c - 1),
@@ -261,13 +266,13 @@ class _DualProgram:
         )
 
     def multipliers(self) -> Array | None:
-        """Solve the program.
+        """Find the multipliers that give a large bound, by the linear program.
 
         Returns
         -------
         (unknowns,) array or None
-            Multipliers that nearly satisfy the conditions of an optimum. None if the
-            program is infeasible.
+            Multipliers that nearly satisfy the conditions of an optimum. None if the program is
+            infeasible.
         """
         from scipy.optimize import linprog
         from scipy.sparse import bmat, csr_matrix, diags, eye, hstack, kron
@@ -297,6 +302,7 @@ class _DualProgram:
         optimality_rows = [optimality, None, None, kron(signs, eye(size))]
         jump_rows = [self.jump[self.may_jump_at], -step, step, None]
         inequality = [-at_max_speed, csr_matrix((size, 2 * jumps)), lowered]
+        # The unknowns are the multipliers, the jumps of μ above and below 0, and the parts of δ.
         result = linprog(
             np.concatenate(costs),
             A_eq=bmat([optimality_rows, jump_rows]),
@@ -307,7 +313,7 @@ class _DualProgram:
         return None if result.x is None else np.maximum(result.x[: p.shape[1]], 0.0)
 
     def sensitivities(self, multipliers: Array) -> tuple[Array, Array]:
-        """Return the changes of the bound if a limit grows by one percent.
+        """Compute the changes of the bound if a limit grows by one percent.
 
         Parameters
         ----------
@@ -326,13 +332,13 @@ class _DualProgram:
         integrals = np.einsum("enr,n->r", ends, self.lengths) / 2
         p, kappa, end = self.p @ multipliers, self.kappa @ multipliers, self.max_speed
         y = _minimise_integrand(p, kappa, end)
-        of_speed = np.where(y == end, 1 - 2 * p * end**3 - kappa * end**2, 0.0)
-        by_point = self.weights[0] * np.maximum(of_speed, 0.0) / end
+        speed_multiplier = np.where(y == end, 1 - 2 * p * end**3 - kappa * end**2, 0.0)
+        by_point = self.weights[0] * np.maximum(speed_multiplier, 0.0) / end
         by_point[1 : len(self.lengths)] += 2 * self._jump_losses(multipliers)
         return -SENSITIVITY_STEP * integrals, -SENSITIVITY_STEP * by_point
 
     def bound(self, multipliers: Array) -> float:
-        """Return the lower bound on the duration for given multipliers, s.
+        """Compute the lower bound on the duration for given multipliers.
 
         The bound is the last line of the equation in the docstring of this module, minus the
         estimated error of Simpson's rule.
@@ -341,6 +347,11 @@ class _DualProgram:
         ----------
         multipliers : (unknowns,) array
             Any values that are at least 0.
+
+        Returns
+        -------
+        float
+            The bound, s.
         """
         p, kappa = self.p @ multipliers, self.kappa @ multipliers
         minima = _integrand(_minimise_integrand(p, kappa, self.max_speed), p, kappa)
@@ -351,16 +362,38 @@ class _DualProgram:
         return float(fine_integral - integration_error + mu[-1] - mu[0] - losses)
 
     def _jump_losses(self, multipliers: Array) -> Array:
-        """Return F² max(Δμ, 0) at the inner grid points, (n − 1,), for multipliers (unknowns,)."""
+        """Compute by how much the jumps of μ may reduce the bound.
+
+        Parameters
+        ----------
+        multipliers : (unknowns,) array
+            Any values that are at least 0.
+
+        Returns
+        -------
+        (n − 1,) array
+            F² max(Δμ, 0) at the grid points between the intervals, s.
+        """
         jump = self.jump @ multipliers
         return self.max_speed_squared * np.where(jump > MULTIPLIER_JUMP_TOLERANCE, jump, 0.0)
 
 
 def _named_rows(path: PathRows) -> list[tuple[LimitKey, Array]]:
-    """Return all acceleration and torque rows that are part of the bound, with their limits.
+    """Compute the rows of all acceleration and torque limits in the bound.
 
-    Each row contains its values at the PROBES, (4, points). Torque rows use the smallest friction
-    coefficient. They are 0 in an interval in which the joint reverses.
+    Torque rows use the smallest friction coefficient. They are 0 in an interval in which the joint
+    reverses.
+
+    Parameters
+    ----------
+    path : PathRows
+        The path, sampled at several points of its intervals.
+
+    Returns
+    -------
+    list of (LimitKey, array)
+        Pairs of a limit and the values (4, points) of its row at the four pairs (s̈, ṡ) in
+        `path_rows.PROBE_STATES`.
     """
     # Each joint has two acceleration rows, one for either direction.
     names = [(JointAcceleration.name, joint.name) for joint in path.robot.joints for _ in range(2)]
@@ -425,6 +458,7 @@ def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
     end_of_convex_part = np.minimum(max_speed, np.cbrt(1 / np.maximum(-p, MIN_DIVISOR)))
     low = np.zeros_like(p)
     high = np.where(p < 0, end_of_convex_part, max_speed)
+    # The derivative −1/y² + 2 p y + κ is positive where 2 p y³ + κ y² > 1.
     for _ in range(BISECTION_STEPS):
         y = (low + high) / 2
         rises = 2 * p * y**3 + kappa * y**2 > 1
@@ -435,5 +469,13 @@ def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
 
 
 def _integrand(y: Array, p: Array, kappa: Array) -> Array:
-    """Return the integrand 1/y + p y² + κ y at each point."""
+    """Evaluate the integrand 1/y + p y² + κ y of the bound.
+
+    Parameters
+    ----------
+    y : (points,) array
+        Speeds on the path.
+    p, kappa : (points,) arrays
+        Coefficients of the integrand at each point.
+    """
     return 1 / y + p * y**2 + kappa * y

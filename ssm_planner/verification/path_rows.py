@@ -96,7 +96,7 @@ class PathRows:
         point_positions: tuple[float, ...],
         refinement: int = 2,
     ) -> "PathRows":
-        """Return the path between two times.
+        """Sample the path of a motion between two times.
 
         Parameters
         ----------
@@ -105,11 +105,11 @@ class PathRows:
         robot : Robot
             The robot with its limits.
         span : (float, float)
-            Times in s, at breaks of the trajectory.
+            Start and end of the path in s, at breaks of the trajectory.
         point_positions : tuple of float
             Positions of the m points in an interval, from 0 at its start to 1 at its end.
         refinement : int
-            Factor on the number of intervals.
+            Factor on the number of intervals, which is about `PATH_INTERVALS` for a factor of 1.
         """
         first, last = np.searchsorted(trajectory.breaks, np.array(span) - SHORTEST_PIECE / 2)
         sections, moves = _smooth_sections(trajectory, robot, slice(first, last))
@@ -150,14 +150,16 @@ class PathRows:
 
     @property
     def grid(self) -> Array:
-        """Positions s of the ends of the intervals, (n + 1,), s."""
+        """Path parameter s at the ends of the n intervals, (n + 1,), in s."""
         return np.append(0.0, np.cumsum(self.lengths))
 
     def acceleration_rows(self) -> list[Array]:
-        """Return the rows of the acceleration limits.
+        """Compute the rows of the acceleration limits.
 
-        Each joint has one row for either direction, with its values at the `PROBE_STATES`, an array
-        of shape (4, m n).
+        Returns
+        -------
+        list of eight (4, m n) arrays
+            Values at the `PROBE_STATES`. Each joint has two rows, one for either direction.
         """
         rows = []
         for joint, values in zip(self.robot.joints, self.acceleration.T, strict=True):
@@ -165,11 +167,11 @@ class PathRows:
         return rows
 
     def torque_rows(self, i: int, drive: Drive, motor: Motor, mu: Array) -> list[Array]:
-        """Return the two rows of the torque limit of one motor.
+        """Compute the two rows of the torque limit of one motor.
 
-        The friction law is the larger of two linear functions of the load. Each function gives one
-        row. The motor torque in the direction of motion, as a share of its limit, is the larger of
-        both rows.
+        The friction law is the larger of two linear functions of the joint effort. Each function
+        gives one row. The motor torque in the direction of motion, as a share of its limit, is the
+        larger of both rows.
 
         Parameters
         ----------
@@ -198,31 +200,51 @@ class PathRows:
         ]
 
     def largest_speed_ratio(self, limits: TaskLimits) -> Array:
-        """Return the largest share of a speed limit that the motion uses at ṡ = 1, (m n,).
+        """Compute the largest share of any speed limit that the motion uses at ṡ = 1.
 
         A timing keeps all speed limits if ṡ is at most the inverse of this share.
+
+        Parameters
+        ----------
+        limits : TaskLimits
+            Limits on task rates and on the speed of the tool.
+
+        Returns
+        -------
+        (m n,) array
+            The shares, which are at least `MIN_SPEED_RATIO`.
         """
         return np.maximum(MIN_SPEED_RATIO, np.max(list(self.speed_ratios(limits).values()), axis=0))
 
     def speed_ratios(self, limits: TaskLimits) -> dict[LimitKey, Array]:
-        """Return the share of every speed limit that the motion uses at ṡ = 1, (m n,) each.
+        """Compute the share of every speed limit that the motion ratios at ṡ = 1.
 
         The limits are those of joints, motors, tool and task.
+
+        Parameters
+        ----------
+        limits : TaskLimits
+            Limits on task rates and on the speed of the tool.
+
+        Returns
+        -------
+        dict of (m n,) arrays
+            Shares by the name of the limit and the name of its joint or None.
         """
         mechanism, qd = Mechanism.from_robot(self.robot), self.speed[2]
-        uses: dict[LimitKey, Array] = {}
+        ratios: dict[LimitKey, Array] = {}
         for joint, speed in zip(self.robot.joints, np.abs(qd.T), strict=True):
-            uses[JointVelocity.name, joint.name] = speed / joint.velocity
+            ratios[JointVelocity.name, joint.name] = speed / joint.velocity
             if joint.drive is not None and joint.motor is not None:
                 motor_speed = speed * joint.drive.ratio
-                uses[MotorSpeed.name, joint.name] = motor_speed / joint.motor.max_speed
+                ratios[MotorSpeed.name, joint.name] = motor_speed / joint.motor.max_speed
         for bound in limits.speeds:
             speed = tool_speed(type(bound), mechanism, self.q, qd)
-            uses[bound.name, None] = speed / bound.largest
+            ratios[bound.name, None] = speed / bound.largest
         rates = np.abs(task_rates(mechanism, self.q, qd)) if limits.rates else qd
         for name, rate in limits.rates.items():
-            uses[TaskRate.name_of(name), None] = rates[:, TASK_COORDINATES.index(name)] / rate
-        return uses
+            ratios[TaskRate.name_of(name), None] = rates[:, TASK_COORDINATES.index(name)] / rate
+        return ratios
 
 
 def _smooth_sections(trajectory: Trajectory, robot: Robot, pieces: slice) -> tuple[Indices, Mask]:

@@ -86,7 +86,7 @@ class PieceBlock:
     def evaluate(
         self, index: Indices | slice, s: Array, results: Sequence[Array] | Array = ()
     ) -> JointState:
-        """Evaluate q, qd and qdd of n pieces.
+        """Evaluate the joint positions, velocities and accelerations at instants in n pieces.
 
         Parameters
         ----------
@@ -100,6 +100,7 @@ class PieceBlock:
         Returns
         -------
         q, qd, qdd : (…, n, 4) arrays
+            The values of the four joints, in SI units.
         """
         q, qd, qdd = [
             _evaluate_polynomials(powers.T[..., index], s, values)
@@ -108,26 +109,64 @@ class PieceBlock:
         return q, qd, qdd
 
     def velocities_at(self, index: Indices, s: Array) -> Array:
-        """Return qd (…, n, 4) at the fractions s (…, n) of the pieces with index (n,)."""
+        """Evaluate the joint velocities at instants in n pieces.
+
+        Parameters
+        ----------
+        index : (n,) array
+            Indices of the pieces.
+        s : (…, n) array
+            Instants, as fractions of the pieces.
+
+        Returns
+        -------
+        (…, n, 4) array
+            Joint velocities, rad/s and m/s.
+        """
         return _evaluate_polynomials(self.powers[1].T[..., index], s)
 
     def times_at(self, index: Indices, s: Array) -> Array:
-        """Return the times (…, n) in s at the fractions s (…, n) of the pieces with index (n,)."""
+        """Convert fractions of n pieces into times.
+
+        Parameters
+        ----------
+        index : (n,) array
+            Indices of the pieces.
+        s : (…, n) array
+            Fractions of the pieces.
+
+        Returns
+        -------
+        (…, n) array
+            Times in the motion, s.
+        """
         return self.start[index] + s * self.length[index]
 
     def moving_joints(self, robot: Robot) -> Mask:
-        """Return a mask (m, 4) that is True if the joint moves within the piece.
+        """Find the joints that move within each piece.
 
-        A speed that stays below the rest speed of the joint (`rest_speeds`) is the rounding error
-        of a joint at rest.
+        Parameters
+        ----------
+        robot : Robot
+            Robot whose velocity limits determine the rest speeds (see `rest_speeds`).
+
+        Returns
+        -------
+        (m, 4) array of bool
+            True if the joint moves. A speed below its rest speed is a rounding error.
         """
         return np.abs(self.bernstein_coefficients[1]).max(axis=1) > rest_speeds(robot)
 
     def split_at_reversals(self, robot: Robot) -> tuple[Indices, Array, Array]:
         """Cut the pieces into segments at the instants at which a joint reverses.
 
-        Every joint keeps its direction within a segment. Friction is a smooth function of time
-        there.
+        Every joint keeps its direction within a segment, so its friction is a smooth function of
+        time there.
+
+        Parameters
+        ----------
+        robot : Robot
+            Robot whose velocity limits determine the rest speeds (see `rest_speeds`).
 
         Returns
         -------
@@ -151,7 +190,18 @@ class PieceBlock:
 
 
 def piece_blocks(trajectory: Trajectory) -> Iterator[PieceBlock]:
-    """Yield all pieces of a trajectory in order, in blocks of at most `PIECES_PER_BLOCK`."""
+    """Yield the pieces of a trajectory in blocks of limited size.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+
+    Yields
+    ------
+    PieceBlock
+        At most `PIECES_PER_BLOCK` pieces, in the order of time.
+    """
     for block in blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK):
         lengths = np.diff(trajectory.breaks[block.start : block.stop + 1])
         yield build_piece_block(trajectory.breaks[block], lengths, trajectory.pieces(block))
@@ -166,6 +216,11 @@ def build_piece_block(start: Array, length: Array, coefficients: Array) -> Piece
         Start times and durations of the pieces, s.
     coefficients : (m, 6, 4) array
         Coefficients of powers of the time since the start of the piece.
+
+    Returns
+    -------
+    PieceBlock
+        The same polynomials in s = (t − start)/length, with their derivatives by time.
     """
     scales = (length ** np.arange(DEGREE + 1)[:, None]).T
     # In Fortran order, the values of one coefficient of one joint are adjacent in memory.
@@ -177,9 +232,18 @@ def build_piece_block(start: Array, length: Array, coefficients: Array) -> Piece
 
 
 def rest_speeds(robot: Robot) -> Array:
-    """Return the speeds (4,) in rad/s and m/s up to which the joints count as being at rest.
+    """Return the speeds up to which the joints count as being at rest.
 
-    They are the share `REST_FRACTION` of the velocity limits, which covers rounding errors.
+    Parameters
+    ----------
+    robot : Robot
+        Robot with the velocity limits of its joints.
+
+    Returns
+    -------
+    (4,) array
+        The share `REST_FRACTION` of the velocity limits, which covers rounding errors, in rad/s and
+        m/s.
     """
     return robot.velocities * REST_FRACTION
 

@@ -142,6 +142,7 @@ class _SpeedRecorder:
         k = speed.argmax(axis=0)
         self.fastest_time = np.where(maximum > self.fastest, breaks[k], self.fastest_time)
         self.fastest = np.maximum(maximum, self.fastest)
+        # The derivative of Σ a_k t^k at the end t = length of a piece is Σ k length^(k − 1) a_k.
         orders = np.arange(1, DEGREE + 1)
         powers = orders * length[:, None] ** (orders - 1)
         end_velocities = np.einsum("mk,mkj->mj", powers, coefficients[:, 1:])
@@ -152,14 +153,14 @@ class _SpeedRecorder:
         self._time = float(breaks[-1])
 
     def finish(self, velocity: Array) -> None:
-        """Add the velocity jump at the end of the motion. Call this method after the last piece.
+        """Add the jump from the last velocity to the declared velocity at the end of the motion.
 
-        It is the jump from the velocity of the last piece to the declared velocity.
+        Call this method after the last piece.
 
         Parameters
         ----------
         velocity : (4,) array
-            Declared joint velocities at the end of the motion.
+            Declared joint velocities at the end of the motion, rad/s and m/s.
         """
         time = np.array([self._time])
         length = np.array([self._length])
@@ -194,9 +195,12 @@ class _SpeedRecorder:
         self.share = np.where(is_worse, share[k, joints], self.share)
 
     def results(self) -> list[LimitCheck]:
-        """Return the result for the worst jump of the velocity of each joint.
+        """Return one result for each joint, with the worst jump of its velocity.
 
-        The limit of the result is the jump that the acceleration limit allows.
+        Returns
+        -------
+        list of LimitCheck
+            The results. The limit is the jump that the acceleration limit allows.
         """
         checks = []
         for i, joint in enumerate(self.robot.joints):
@@ -285,6 +289,7 @@ def _worst_window_speed(
     speed = 0.0
     start = 0.0
     for direction in (1.0, -1.0):
+        # The rise of this function over a window is the travel beyond that at the largest speed.
         advance = direction * q - bound * (t - t[0])
         rise = advance - np.minimum.accumulate(advance)
         end_index = int(rise.argmax())
@@ -310,8 +315,8 @@ def _tool_speed_without_rounding(
 
     Parameters
     ----------
-    quantity : Quantity
-        The tool speed, or the rate of a task coordinate.
+    quantity : LimitedQuantity
+        Speed of the tool, or rate of a task coordinate.
     limit : LimitCheck
         Result for the linear pieces themselves.
     trajectory : Trajectory
@@ -320,23 +325,31 @@ def _tool_speed_without_rounding(
         Robot whose limits must hold.
     resolution : (4,) array
         Largest rounding error of a point, rad or m.
+
+    Returns
+    -------
+    LimitCheck
+        The reduced result. A result that keeps its limit remains unchanged.
     """
     if limit.passed:
         return limit
     mechanism = Mechanism.from_robot(robot)
 
-    def values(q: Array, qd: Array) -> Array:
-        """Return the tool speeds (n,) of joint positions and velocities (n, 4)."""
+    def tool_speeds(q: Array, qd: Array) -> Array:
+        """Compute the tool speeds (n,) for joint positions and velocities (n, 4)."""
         if isinstance(quantity.limit, SpeedLimit):
             return tool_speed(type(quantity.limit), mechanism, q, qd)
         return np.abs(task_rates(mechanism, q, qd)[:, quantity.index])
 
     def unexplained(q: Array, speeds: Array, index: Indices) -> Array:
-        """Return the tool speeds (n,) without the largest effect of rounding."""
+        """Reduce the tool speeds (n,) by the largest effect of rounding.
+
+        The joint positions q and speeds have the shape (n, 4). `index` (n,) contains the pieces.
+        """
         length = trajectory.breaks[index + 1] - trajectory.breaks[index]
         speed_error = 2 * resolution / length[:, None]
-        rounding = sum(values(q, np.eye(4)[i] * speed_error) for i in range(4))
-        return np.maximum(values(q, speeds) - rounding, 0.0)
+        rounding = sum(tool_speeds(q, np.eye(4)[i] * speed_error) for i in range(4))
+        return np.maximum(tool_speeds(q, speeds) - rounding, 0.0)
 
     pieces = _adjacent_pieces(trajectory, limit.time)
     q_worst = trajectory.sample_pieces(pieces, limit.time - trajectory.breaks[pieces]).q
@@ -348,7 +361,7 @@ def _tool_speed_without_rounding(
         q = coefficients[:, 0]
         speeds = coefficients[:, 1]
         # A speed that is lower even with the effect of rounding is not the largest.
-        faster = values(q, speeds) > highest
+        faster = tool_speeds(q, speeds) > highest
         if not faster.any():
             continue
         index = block.start + np.flatnonzero(faster)
@@ -361,14 +374,35 @@ def _tool_speed_without_rounding(
 
 
 def _adjacent_pieces(trajectory: Trajectory, time: float) -> Indices:
-    """Return the indices of the two pieces that meet at a time (s).
+    """Find the two pieces of a trajectory that meet at a time.
 
-    If the time is not a break, both indices are that of the piece that contains it.
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+    time : float
+        Time, s.
+
+    Returns
+    -------
+    (2,) array
+        Indices of the pieces before and after the time. Both are the same if the time is not a
+        break.
     """
     return np.concatenate([trajectory.piece_of(np.array([time]), s) for s in ("left", "right")])
 
 
 def _with_worst_value(limit: LimitCheck, value: float, time: float) -> LimitCheck:
-    """Return the result with another worst value, its margin, and its time in s."""
+    """Return a copy of a result with another worst value and its margin.
+
+    Parameters
+    ----------
+    limit : LimitCheck
+        Result with an upper bound.
+    value : float
+        The worst value, in the unit of the limit.
+    time : float
+        Time of the worst value, s.
+    """
     margin = (limit.limit - value) / limit.limit
     return dataclasses.replace(limit, worst=value, margin=margin, time=time)

@@ -99,7 +99,7 @@ class PathPromise:
 
     @property
     def corners(self) -> Array:
-        """Positions (k, 3) of the corners between consecutive lines, m."""
+        """Positions (k, 3) of the k corners between consecutive lines, m."""
         return np.array([line(np.ones(1))[0] for line in self.lines[:-1]]).reshape(-1, 3)
 
 
@@ -216,7 +216,16 @@ def check_table_lines(
 
 
 def unchecked_lines_remark(limits: TaskLimits) -> str:
-    """Return the remark for a certificate whose check did not examine the prescribed lines."""
+    """Return the remark that the check did not examine the prescribed lines.
+
+    The certificate of a table contains this remark, because a table does not state the times of
+    phases.
+
+    Parameters
+    ----------
+    limits : TaskLimits
+        Limits that name the motions with prescribed lines.
+    """
     return (
         f"whether the tip follows the path of {limits.promising}: a table does not contain the "
         "times of phases"
@@ -224,7 +233,13 @@ def unchecked_lines_remark(limits: TaskLimits) -> str:
 
 
 def _prescribes_lines(entry: Motion) -> bool:
-    """Return True if a motion of a problem prescribes the lines that the tip follows."""
+    """Return whether a motion of a problem prescribes the lines that the tip follows.
+
+    Parameters
+    ----------
+    entry : Motion
+        An entry of `motion` in the problem file.
+    """
     return isinstance(entry, Straight) or (isinstance(entry, Follow) and entry.curve in TIP_CURVES)
 
 
@@ -276,6 +291,16 @@ def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
 
     Consecutive motions that are joined by rounded corners form one chain, and one phase of the
     trajectory. Every other motion is a chain by itself.
+
+    Parameters
+    ----------
+    entries : sequence of Motion
+        Motions of a problem in their order.
+
+    Yields
+    ------
+    list of Motion
+        The motions of one chain.
     """
     chain: list[Motion] = []
     for entry in entries:
@@ -359,7 +384,7 @@ def _initial_task(
     task : (4,) array
         Roll, tilt and spin in rad, and depth in m.
     branch : int
-        Solution of the inverse kinematics: positive for the first one.
+        Solution of the inverse kinematics at this instant: positive for the first of both.
     """
     final_roll = None
     for entry in chain:
@@ -432,29 +457,34 @@ def _depth_on_sphere(mechanism: Mechanism, task: Array, centre: Array, radius: f
 
 
 def _task_line_points(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
-    """Return tip positions (n, 3) on a straight line between two points in task coordinates.
+    """Compute tip positions on a line that is straight in task coordinates.
 
     Parameters
     ----------
     mechanism : Mechanism
         Kinematics of the robot.
     start, end : (4,) arrays
-        Task coordinates of both points.
+        Task coordinates of both ends: roll, tilt and spin in rad, and depth in m.
     s : (n,) array
-        Fractions of the line.
+        Fractions of the line, from 0 at its start to 1 at its end.
+
+    Returns
+    -------
+    (n, 3) array
+        Tip positions, m.
     """
     return tip_from_task(mechanism, start + s[:, None] * (end - start))
 
 
 def _line_points(start: Array, end: Array, s: Array) -> Array:
-    """Return tip positions on a straight line in space.
+    """Compute tip positions on a straight line in space.
 
     Parameters
     ----------
     start, end : (3,) arrays
         Tip positions at both ends of the line, m.
     s : (n,) array
-        Fractions of the line.
+        Fractions of the line, from 0 at its start to 1 at its end.
 
     Returns
     -------
@@ -509,6 +539,8 @@ def _circular_arc(tips: Array, centre: Array, *, shorter: bool) -> Curve:
     end = tips[-1] - centre
     normal = np.cross(radius, end) if shorter else np.cross(tips[1] - tips[0], tips[-1] - tips[0])
     size = np.linalg.norm(normal)
+    # A point of the arc at angle φ from its start is centre + cos φ · radius + sin φ · tangent. If
+    # the normal is 0, both ends coincide and the arc has no length.
     tangent = radius
     angle = 0.0
     if size:
@@ -543,12 +575,13 @@ def _distances_from_line(line: Curve, tips: Array) -> Array:
     """
     shares = np.linspace(0.0, 1.0, LINE_SEARCH_POINTS)
     positions = line(shares)
+    # |p − tip|² without its term |tip|², which is the same for all points p of the line.
     s = shares[np.argmin((positions**2).sum(axis=1) - 2 * tips @ positions.T, axis=1)]
     for _ in range(NEWTON_STEPS):
         nearest_points = line(s)
-        slope = (line(s + DIFFERENCE_STEP) - nearest_points) / DIFFERENCE_STEP
-        square = np.maximum((slope**2).sum(axis=1), np.finfo(float).tiny)
-        s = np.clip(s + ((tips - nearest_points) * slope).sum(axis=1) / square, 0.0, 1.0)
+        tangent = (line(s + DIFFERENCE_STEP) - nearest_points) / DIFFERENCE_STEP
+        square = np.maximum((tangent**2).sum(axis=1), np.finfo(float).tiny)
+        s = np.clip(s + ((tips - nearest_points) * tangent).sum(axis=1) / square, 0.0, 1.0)
     return np.linalg.norm(tips - line(s), axis=1)
 
 
@@ -579,6 +612,7 @@ def _check_promise(motion: Trajectory, mechanism: Mechanism, promise: PathPromis
         tips[block] = tip_position(mechanism, motion.positions(t[block]))
         line_distances = [_distances_from_line(line, tips[block]) for line in promise.lines]
         distances[block] = np.min(line_distances, axis=0)
+    # The tip must also reach the end of the last line.
     end_error = np.linalg.norm(tips[-1] - promise.lines[-1](np.ones(1))[0])
     with_end = np.append(distances[:-1], max(distances[-1], end_error))
     checks = _check_departure(promise, t, tips, with_end)
@@ -588,21 +622,30 @@ def _check_promise(motion: Trajectory, mechanism: Mechanism, promise: PathPromis
         checks.append(
             _check_required_value(RetinaDistance(distance), PATH_TOLERANCE, promise, t, heights)
         )
-    stretch = None
+    constant_speed_span = None
     if promise.speed is not None:
         speeds = np.empty(len(t))
         for block in blocks(len(t), INSTANTS_PER_BLOCK):
             samples = motion.sample(t[block])
             speeds[block] = tool_speed(TipSpeed, mechanism, samples.q, samples.qd)
-        check, stretch = _check_constant_speed(promise, promise.speed, t, speeds)
+        check, constant_speed_span = _check_constant_speed(promise, promise.speed, t, speeds)
         checks.append(check)
-    return PromiseResult(promise, tuple(checks), float(distances.max()), stretch)
+    return PromiseResult(promise, tuple(checks), float(distances.max()), constant_speed_span)
 
 
 def _checked_instants(motion: Trajectory, mechanism: Mechanism, promise: PathPromise) -> Array:
     """Choose the instants at which the path of the tip is checked in one phase.
 
-    Every polynomial piece contains several of them. Further instants are added around corners.
+    Every polynomial piece contains several instants. Further instants are added around corners.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        Motion that is checked.
+    mechanism : Mechanism
+        Kinematics of the robot.
+    promise : PathPromise
+        The requirements on the path of the tip in the phase.
 
     Returns
     -------
@@ -653,6 +696,7 @@ def _check_departure(
         corners, the list also contains the largest distance from a corner at which the tip has
         left the lines.
     """
+    # Distances from the corners as multiples of the radius of their zones, (n, corners).
     shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / np.array(
         promise.corner_distances
     )
@@ -677,14 +721,14 @@ def _check_departure(
 def _phase_result(
     limit: PathRequirement, promise: PathPromise, value: float, time: float
 ) -> LimitCheck:
-    """Return the result of a requirement on the path, with the name of the phase as its case.
+    """Build the result of a requirement on the path of the tip in one phase.
 
     Parameters
     ----------
     limit : PathRequirement
-        The requirement.
+        The requirement with its limit.
     promise : PathPromise
-        The phase.
+        The phase, whose name becomes the case of the result.
     value : float
         Worst value, in the unit of the requirement.
     time : float

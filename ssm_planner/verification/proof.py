@@ -63,14 +63,22 @@ class Proof:
     verdict: Literal["PROVEN", "REFUTED", "OPEN"]
 
     def to_dict(self) -> JsonObject:
-        """Return the entry of `proof` in plan.json and in the output of `check --json`."""
+        """Return the proof as a dict of its attributes, in SI units.
+
+        plan.json and the output of `check --json` contain this dict as an entry of `proof`.
+        """
         return dict(vars(self))
 
 
 def _proof_from_claim(claim: dict[str, Any]) -> Proof:
-    """Build a proof from a claim, that is, from one entry of the program's output.
+    """Build a proof from one entry of the output of prove.py.
 
     Infinite bounds become None, because JSON does not contain infinite numbers.
+
+    Parameters
+    ----------
+    claim : dict
+        Values of the attributes of `Proof` by their names.
     """
     unbounded = {
         name: None
@@ -110,7 +118,20 @@ def prove_motion(trajectory: Trajectory, problem: Problem) -> tuple[Proof, ...]:
 
 
 def unproven_limits(proofs: Iterable[Proof], names: Iterable[LimitKey]) -> list[LimitKey]:
-    """Return the names of the limits that were not proven, in the order of `names`."""
+    """Select the limits that were not proven.
+
+    Parameters
+    ----------
+    proofs : iterable of Proof
+        Results of prove.py.
+    names : iterable of (str, str or None)
+        Names of limits and of their joints. The joint is None for a limit of the tool or the task.
+
+    Returns
+    -------
+    list of (str, str or None)
+        Entries of `names` without a proof, in the same order.
+    """
     proven = {(proof.name, proof.joint) for proof in proofs if proof.verdict == "PROVEN"}
     return [name for name in names if name not in proven]
 

@@ -25,6 +25,7 @@ brackets, no other interval contains a worse value.
 `RmsTorques` integrates the torques at these instants.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -173,6 +174,9 @@ class SampledExtremes:
     def search(self, pieces: PieceBlock) -> None:
         """Update the worst values and the mean square torques with a block of pieces.
 
+        The search samples the block in intervals. It then divides those intervals that may contain
+        a worse value, until no such interval is left (see the docstring of this module).
+
         Parameters
         ----------
         pieces : PieceBlock
@@ -182,7 +186,7 @@ class SampledExtremes:
             return
         piece_index, start, end = pieces.split_at_reversals(self.robot)
         rate = self.rate / FIRST_PASS_PARTS
-        most_intervals = -(-self.max_piece_intervals // FIRST_PASS_PARTS)
+        most_intervals = math.ceil(self.max_piece_intervals / FIRST_PASS_PARTS)
         intervals = SampledIntervals.from_segments(
             pieces, self.robot, piece_index, start, end, rate=rate, max_intervals=most_intervals
         )
@@ -300,18 +304,18 @@ class SampledExtremes:
         values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
 
     def _gain(self, lowest: Array, highest: Array) -> Array:
-        """Compute by how much the quantities may exceed their worst values so far.
+        """Compute the largest increase of the worst values that n intervals may contain.
 
         Parameters
         ----------
         lowest, highest : (n, k) arrays
-            Bounds of the k quantities within n intervals.
+            Bounds of the k quantities within the intervals.
 
         Returns
         -------
         (n,) array
-            Largest possible increase of the relative excess (`LimitedQuantity.excess`) in each
-            interval. An interval with a positive value must be divided.
+            Largest increase of the relative excess over a limit (`LimitedQuantity.excess`), minus
+            `BRACKET_TOLERANCE`. An interval with a positive value must be divided.
         """
         bounds = zip(self.worst_values, lowest.T, highest.T, strict=True)
         return np.max(
@@ -427,6 +431,7 @@ class SampledIntervals:
         starting = (np.abs(at_begin) <= start_speed) & (direction != 0)
         stopping = (np.abs(at_end) <= start_speed) & (direction != 0)
         # An interval of four instants spans three sampling periods.
+        # The small number prevents that rounding adds an interval.
         periods = (end - start) * pieces.length[piece] * rate
         counts = np.clip(np.ceil(periods / 3 - 1e-3).astype(int), 1, max_intervals)
         segment, offset = part_indices(counts)
@@ -448,7 +453,16 @@ class SampledIntervals:
     def subset(self, selection: slice) -> "SampledIntervals":
         """Select the intervals of a slice.
 
-        The end of the last selected interval is not shared, because the next one is missing.
+        Parameters
+        ----------
+        selection : slice
+            Positions of the selected intervals in the arrays.
+
+        Returns
+        -------
+        SampledIntervals
+            The intervals. The end of the last one counts as not shared, because the interval that
+            starts there is not selected.
         """
         columns = {name: values[selection] for name, values in vars(self).items()}
         columns["shares_end"] = np.append(columns["shares_end"][:-1], False)
@@ -498,7 +512,13 @@ class RmsTorques:
     """
 
     def __init__(self, quantities: Sequence[LimitedQuantity]) -> None:
-        """Select the motor torques among the quantities."""
+        """Select the motor torques among the quantities, and start with empty integrals.
+
+        Parameters
+        ----------
+        quantities : sequence of LimitedQuantity
+            The sampled quantities, in the order of their columns.
+        """
         self.columns = [
             k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)
         ]
@@ -507,11 +527,9 @@ class RmsTorques:
         self.integrals = np.zeros(len(self.columns))
 
     def needs_refinement(self, values: Array, duration: Array) -> Mask:
-        """Return a mask of the intervals in which the square of a torque is not nearly a parabola.
+        """Find the intervals in which the square of a torque is not nearly a parabola.
 
-        The numerical integral of such an interval is inaccurate, so the search cuts the interval.
-        The third difference of the squares, times the duration of the interval, must be at most
-        `MEAN_SQUARE_TOLERANCE` times the integral over all intervals.
+        The numerical integral of such an interval is inaccurate, so the search divides it.
 
         Parameters
         ----------
@@ -519,8 +537,15 @@ class RmsTorques:
             Values of all quantities at the instants of n intervals.
         duration : (n,) array
             Durations of the intervals, s.
+
+        Returns
+        -------
+        (n,) array of bool
+            True where the third difference of the squares, times the duration of the interval,
+            exceeds `MEAN_SQUARE_TOLERANCE` times the integral over all intervals.
         """
         squares = values[:, :, self.columns] ** 2
+        # The third difference v0 − 3 v1 + 3 v2 − v3 of a parabola is 0.
         third = np.abs(squares[0] - squares[3] + 3 * (squares[2] - squares[1])) * duration[:, None]
         return np.any(third > MEAN_SQUARE_TOLERANCE * (duration @ squares[1]), axis=1)
 
@@ -572,10 +597,15 @@ class RmsTorques:
 
 
 def _without_limits(robot: Robot) -> Robot:
-    """Return a copy of the robot without limits and motors.
+    """Return a copy of a robot without limits and motors.
 
-    The values of the quantities do not depend on limits and motors. Robots that differ only in
-    these therefore share one compiled function (`_quantity_function`).
+    The values of the sampled quantities do not depend on limits and motors. Robots that differ only
+    in these therefore share one compiled function (see `_quantity_function`).
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
     """
     joints = tuple(
         unchecked_copy(
@@ -598,11 +628,6 @@ def _quantity_function(
 ) -> VectorisedFunction:
     """Build the compiled function that evaluates all sampled quantities.
 
-    Its arguments are the joint positions q, velocities qd and accelerations qdd, the directions of
-    the joints, and `breakaway`, which is 1 where a joint starts from rest, (n, 4) each. It returns
-    the values (n, k) of k quantities in SI units. For a nut contact, the value is the effort that
-    the drive transmits.
-
     Parameters
     ----------
     robot : Robot
@@ -610,8 +635,15 @@ def _quantity_function(
     eye : Eye or None
         Eye that limits the tool, if the task states one.
     keys : tuple
-        Entries (type of limit, its name, index of the joint or task coordinate, worst case or
-        None), one for each quantity.
+        One entry for each of k quantities: type and name of its limit, index of its joint or task
+        coordinate, and its worst case or None.
+
+    Returns
+    -------
+    VectorisedFunction
+        Function of five (n, 4) arrays: joint positions, velocities and accelerations, directions
+        (−1, 0 or 1), and 1 where a joint starts from rest (0 elsewhere). It returns the values
+        (n, k) in SI units. For a nut contact, the value is the effort that the drive transmits.
     """
     arguments = [ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")]
     q, qd, qdd, direction, breakaway = arguments

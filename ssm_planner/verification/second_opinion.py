@@ -133,7 +133,24 @@ def second_opinions(
 def second_opinions_and_proofs(
     trajectory: Trajectory, problem: Problem
 ) -> tuple[tuple[Opinion, ...], tuple[Proof, ...]]:
-    """Return the results of `second_opinions` and of `prove_motion` for a motion."""
+    """Compute the second opinions and the proofs of a motion.
+
+    A worker process calls this function to compute both results at once.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+    problem : Problem
+        The problem with robot and limits.
+
+    Returns
+    -------
+    opinions : tuple of Opinion
+        One second opinion for each phase.
+    proofs : tuple of Proof
+        One proof for each limit.
+    """
     return second_opinions(trajectory, problem), prove_motion(trajectory, problem)
 
 
@@ -169,7 +186,7 @@ def shortest_path_duration(
     grid, squares = np.array(span) - span[0], np.ones(2)
     duration = estimate = np.inf
     bound, changes, opinion = None, None, None
-    for refinement in (2**k for k in range(7)):
+    for refinement in (1, 2, 4, 8, 16, 32, 64):
         path = PathRows.from_trajectory(trajectory, robot, span, (0.0, 1.0), refinement)
         coarse_grid, grid = grid, path.grid
         # The friction converges on the first grid. It changes little on the finer ones.
@@ -202,7 +219,18 @@ def shortest_path_duration(
 
 
 def _unsupported_requirement(problem: Problem) -> str:
-    """Return the reason why toppra cannot judge any motion of a problem, or an empty text."""
+    """Return the reason why toppra cannot judge any motion of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with robot and limits.
+
+    Returns
+    -------
+    str
+        The reason, or an empty text if toppra can judge motions of this problem.
+    """
     if problem.robot.jerk_limited:
         return "toppra ignores limits on jerk"
     if problem.friction is not None or problem.payload is not None:
@@ -213,14 +241,27 @@ def _unsupported_requirement(problem: Problem) -> str:
 
 
 def _unsupported_request(entry: Any) -> str:
-    """Return the reason why toppra cannot judge one motion of a problem, or an empty text."""
+    """Return the reason why toppra cannot judge one motion of a problem.
+
+    Parameters
+    ----------
+    entry : Motion
+        An entry of `motion` in the problem file.
+
+    Returns
+    -------
+    str
+        The reason, or an empty text if toppra can judge the motion.
+    """
     if getattr(entry, "constant_speed", None) is not None:
         return "a constant speed is requested"
     timed = entry.duration is not None and not isinstance(entry, Dwell)
     return "a duration is requested" if timed else ""
 
 
-def _fastest_timing(path: PathRows, use: Array, squares: Array, tolerance: float) -> Array | None:
+def _fastest_timing(
+    path: PathRows, speed_ratio: Array, squares: Array, tolerance: float
+) -> Array | None:
     """Compute the fastest timing of a path with toppra.
 
     Friction depends on the speed, so several passes are necessary. Each pass takes the friction at
@@ -230,8 +271,9 @@ def _fastest_timing(path: PathRows, use: Array, squares: Array, tolerance: float
     ----------
     path : PathRows
         The path at both ends of n intervals.
-    use : (2n,) array
-        Largest ratio of a speed to its limit at ṡ = 1.
+    speed_ratio : (2n,) array
+        Largest ratio of a speed to its limit at ṡ = 1, at the starts of all intervals and then at
+        their ends.
     squares : (n + 1,) array
         ṡ² at the grid points. The first pass takes the friction at these speeds.
     tolerance : float
@@ -243,11 +285,11 @@ def _fastest_timing(path: PathRows, use: Array, squares: Array, tolerance: float
         ṡ² at the grid points. None if toppra finds no timing or the passes do not converge.
     """
     max_speed = np.where(path.moves, MAX_PATH_SPEED, 1.0)
-    start_ceiling, end_ceiling = np.split(np.minimum(1 / use, max_speed) ** 2, 2)
+    start_ceiling, end_ceiling = np.split(np.minimum(1 / speed_ratio, max_speed) ** 2, 2)
     ceiling = np.minimum(np.append(start_ceiling, np.inf), np.append(np.inf, end_ceiling))
     # An end at rest rests for every ṡ. At a moving end ṡ ≤ 1 is allowed, because the motion itself
     # may exceed a limit by rounding.
-    is_rest = use[[0, -1]] <= REST_FRACTION
+    is_rest = speed_ratio[[0, -1]] <= REST_FRACTION
     start_speed, end_speed = np.where(is_rest, np.sqrt(ceiling[[0, -1]]), 1.0)
     duration = _timing_duration(path, squares)
     for _ in range(MAX_PASSES):

@@ -78,7 +78,10 @@ class SpeedRange:
         return all(certificate.passed for _, certificate in self.certificates)
 
     def to_dict(self) -> JsonObject:
-        """Return the entry `speeds` in the output of `check --json`, in SI units."""
+        """Return the slowest speed, the verdict and the worst speeds as a dict, in SI units.
+
+        The output of `check --json` contains this dict as its entry `speeds`.
+        """
         checks = [{"speed": item.speed, **item.found.to_dict()} for item in self.worst]
         return {"slowest": self.slowest, "passed": self.passed, "worst": checks}
 
@@ -203,27 +206,33 @@ def _worst_speed(
     robot : Robot
         Robot whose limits must hold.
     factors : (m,) array
-        Speeds of the grid, as fractions.
+        Speeds of the grid, as fractions of the speed of the motion.
     values : (m,) array
         Torques of the motor at these speeds, N·m.
     column : (int, int)
         0 for the peak torque or 1 for the RMS torque, and index of the joint.
     pause : float
         Time before the motion repeats, s.
+
+    Returns
+    -------
+    float
+        The speed, as a fraction of the speed of the motion.
     """
+    row, joint = column
     for _ in range(SPEED_REFINEMENTS):
         k = int(np.argmax(values))
         low = factors[max(k - 1, 0)]
         high = factors[min(k + 1, len(factors) - 1)]
-        factors = np.geomspace(low, high, 13)
-        values = _peak_and_rms_torques(motion, robot, factors, pause)[column[0]][:, column[1]]
+        factors = np.geomspace(low, high, 13)  # six steps on either side of the worst speed
+        values = _peak_and_rms_torques(motion, robot, factors, pause)[row][:, joint]
     return float(np.clip(factors[int(np.argmax(values))], 0.0, 1.0))
 
 
 def _peak_and_rms_torques(
     motion: Trajectory, robot: Robot, factors: Array, pause: float
 ) -> tuple[Array, Array]:
-    """Compute the peak and the RMS of the motor torques of the slowed motion.
+    """Compute the peak and the RMS of the motor torques of a slowed motion.
 
     Parameters
     ----------
@@ -232,9 +241,14 @@ def _peak_and_rms_torques(
     robot : Robot
         Robot whose limits must hold.
     factors : (m,) array
-        Speeds as fractions.
+        Speeds as fractions of the speed of the motion.
     pause : float
         Time before the motion repeats, s. It counts as time without torque.
+
+    Returns
+    -------
+    peak, rms : (m, 4) arrays
+        Torques of the four motors at each speed, N·m. They are 0 for a joint without a drive.
     """
     evenly_spaced = motion.sample(
         np.linspace(motion.breaks[0], motion.breaks[-1], TORQUE_INSTANTS + 1)
@@ -262,4 +276,5 @@ def _peak_and_rms_torques(
         peak = np.maximum(peak, np.abs(torque).max(axis=1))
         if samples is evenly_spaced:
             rms = np.sqrt(np.mean(torque**2, axis=1))
+    # The motion takes duration/factor, so the torque acts for this share of the whole time.
     return peak, rms * np.sqrt(motion.duration / (motion.duration + factors * pause))[:, None]

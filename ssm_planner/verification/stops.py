@@ -88,7 +88,7 @@ class StopMotions:
 
     @cached_property
     def motions(self) -> tuple[Trajectory | None, ...]:
-        """Trajectory of the stop from each instant, or None if all joints rest at the instant."""
+        """Stop from each instant as a trajectory, or None if all joints rest at the instant."""
         lengths, coefficients = self.pieces
         motions: list[Trajectory | None] = []
         for start, end in pairwise(self.edges.tolist()):
@@ -102,22 +102,22 @@ class StopMotions:
 
     @property
     def joined(self) -> Trajectory | None:
-        """All stops, one after the other, as one trajectory that jumps between stops.
+        """All stops, one after the other, as one trajectory.
 
-        None if all joints rest at every instant.
+        The position jumps between two stops. The value is None if all joints rest at every instant.
         """
         return _trajectory_from_pieces(*self.pieces) if len(self.pieces[0]) else None
 
 
 def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory:
-    """Build a trajectory that starts at time 0.
+    """Build a trajectory that starts at time 0 from polynomial pieces.
 
     Parameters
     ----------
     lengths : (m,) array
         Durations of the pieces, s.
     coefficients : (m, 6, 4) array
-        Coefficients of powers of the time since the start of the piece.
+        Coefficients of each piece and joint, by powers of the time since the start of the piece.
     """
     return Trajectory(np.append(0.0, np.cumsum(lengths)), coefficients, ())
 
@@ -126,10 +126,10 @@ def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory:
 class _StopPath:
     """The path of a motion at both ends of its m intervals.
 
-    The arrays q, dq, ddq and those in `load` have shape (2, m, 4): end of the interval, interval
-    and joint. The first entry is the value just after the start of the interval, and the second is
-    the value just before its end. They differ from those of the adjacent intervals where the motion
-    jumps.
+    The arrays q, dq, ddq and those in `effort_terms` have shape (2, m, 4): end of the interval,
+    interval and joint. The first entry is the value just after the start of the interval, and the
+    second is the value just before its end. They differ from those of the adjacent intervals where
+    the motion jumps.
     """
 
     s: Array
@@ -138,14 +138,16 @@ class _StopPath:
     dq: Array
     ddq: Array
     """Joint positions q and their derivatives q' and q'' by s."""
-    load: tuple[Array, Array, Array]
-    """Coefficients a, b and c of the efforts a s̈ + b ṡ² + c of the rigid-body dynamics."""
+    effort_terms: tuple[Array, Array, Array]
+    """Coefficients a, b and c of the joint efforts a s̈ + b ṡ² + c, in N·m for a joint that turns
+    and in N for a joint that slides.
+    """
     rests: Mask
     """True if all joints rest in the motion at the node, (m + 1,)."""
 
     @classmethod
     def from_motion(cls, motion: Trajectory, robot: Robot, instants: Array) -> "_StopPath":
-        """Sample the path of a motion.
+        """Sample the path of a motion at both ends of short intervals.
 
         The nodes of the path are all breaks of the motion and the given instants. The distance
         between two nodes is divided into intervals of at most `MAX_STEP`, but into at most
@@ -158,15 +160,17 @@ class _StopPath:
         robot : Robot
             Robot with its rigid-body dynamics.
         instants : (n,) array
-            Instants in s from the start of the motion.
+            Instants at which a stop begins, in s from the start of the motion. An instant that is
+            nearer to a break than `MIN_BREAK_DISTANCE` does not become a node.
         """
         breaks = motion.breaks - motion.breaks[0]
-        behind = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
-        distance_behind = np.abs(breaks[behind] - instants)
-        distance_ahead = np.abs(breaks[behind - 1] - instants)
-        is_near = np.minimum(distance_behind, distance_ahead) < MIN_BREAK_DISTANCE
+        next_break = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
+        distance_to_next = np.abs(breaks[next_break] - instants)
+        distance_to_previous = np.abs(breaks[next_break - 1] - instants)
+        is_near = np.minimum(distance_to_next, distance_to_previous) < MIN_BREAK_DISTANCE
         nodes = np.union1d(breaks, instants[~is_near])
         distances = np.diff(nodes)
+        # The small number prevents that rounding adds an interval to a multiple of MAX_STEP.
         steps = np.clip(np.ceil(distances / MAX_STEP - 1e-9), 1, MAX_STEPS).astype(int)
         interval, offset = part_indices(steps)
         s = np.append(offset * (distances / steps)[interval] + nodes[interval], nodes[-1])
@@ -179,10 +183,14 @@ class _StopPath:
         inertia, velocity, gravity = body.path_load(
             q.reshape(-1, 4), dq.reshape(-1, 4), ddq.reshape(-1, 4)
         )
-        load = (inertia.reshape(q.shape), velocity.reshape(q.shape), gravity.reshape(q.shape))
+        effort_terms = (
+            inertia.reshape(q.shape),
+            velocity.reshape(q.shape),
+            gravity.reshape(q.shape),
+        )
         node_speeds = np.abs(np.append(dq[0], dq[1, -1:], axis=0))
         rests = np.all(node_speeds <= rest_speeds(robot), axis=1)
-        return cls(s, q, dq=dq, ddq=ddq, load=load, rests=rests)
+        return cls(s, q, dq=dq, ddq=ddq, effort_terms=effort_terms, rests=rests)
 
 
 def quickest_stops(
@@ -263,14 +271,22 @@ def quickest_stops(
 def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions:
     """Compute the quickest stops in one leg of a motion.
 
+    A leg is a part of the motion that ends at a rest or at the end of the motion.
+
     Parameters
     ----------
     motion : Trajectory
-        The leg, which is a part of the motion.
+        The leg as a trajectory.
     robot : Robot
         Robot whose limits must hold.
     times : (n,) array
         Instants in s from the start of the leg.
+
+    Returns
+    -------
+    StopMotions
+        One stop from the node of the path that is nearest to each instant. Times count from the
+        start of the leg.
     """
     path = _StopPath.from_motion(motion, robot, times)
     middles = (path.s[1:] + path.s[:-1]) / 2
@@ -283,18 +299,24 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
 def _measure_stops(
     times: Array, stops: tuple[Array, Array, Indices], robot: Robot, *, ends_at_rest: bool
 ) -> StopMotions:
-    """Build the result from the pieces of n stops, with durations and distances of the tip.
+    """Compute the duration and the tip travel of n stops from their pieces.
 
     Parameters
     ----------
     times : (n,) array
         Instants at which the stops begin, s.
     stops : tuple
-        Lengths, coefficients and edges of the pieces, as `_advance_stops` returns them.
+        Durations (m,) and coefficients (m, 6, 4) of the pieces of all stops, and index (n + 1,) of
+        the first piece of each stop, with the number of pieces as its last entry.
     robot : Robot
         Robot whose kinematics determine the position of the tip.
     ends_at_rest : bool
         True if the motion ends at rest.
+
+    Returns
+    -------
+    StopMotions
+        The stops. The travel of a stop is the largest distance over its breaks.
     """
     lengths, coefficients, edges = stops
     duration = np.zeros(len(times))
@@ -354,6 +376,7 @@ def _advance_stops(
     lengths = np.diff(path.s)
     rows: list[tuple[Any, ...]] = []
     while True:
+        # k is the interval that a stop enters, x = ṡ² at its start, and u = s̈ within it.
         going = ~path.rests[k] & (k < last_node) & (x > 0)
         stop = stop[going]
         k = k[going]
@@ -362,6 +385,7 @@ def _advance_stops(
             break
         length = lengths[k]
         u = bounds.smallest_acceleration(k, x, ends=False)
+        # d(ṡ²)/ds = 2 s̈, so a constant s̈ changes ṡ² by 2 s̈ times the length of the interval.
         ends = np.flatnonzero(x + 2 * u * length <= 0)
         if len(ends):
             u[ends] = np.maximum(u[ends], bounds.smallest_acceleration(k[ends], x[ends], ends=True))
@@ -411,29 +435,39 @@ class _DecelerationBounds:
     def from_path(cls, path: _StopPath, robot: Robot) -> "_DecelerationBounds":
         """Compute the bounds that follow from all acceleration limits and torque limits.
 
-        The torque in the direction of motion is the larger of two linear functions. It must not
-        exceed its limit when the motor drives, so both functions give a bound. When the motor
-        brakes, the torque must not fall below the negative limit, for which one of both functions
-        suffices.
+        The torque in the direction of motion is the larger of two linear functions, because of
+        friction. It must not exceed its limit when the motor drives, so both functions give a
+        bound. When the motor brakes, the torque must not fall below the negative limit. This holds
+        if one of both functions stays above it.
+
+        Parameters
+        ----------
+        path : _StopPath
+            Path of the motion with m intervals.
+        robot : Robot
+            Robot with its acceleration limits, drives and motors.
         """
         lengths = np.diff(path.s)
         m = len(lengths)
+        # The three states of an interval: its start, its end after s̈ has changed ṡ², and its end
+        # with a given ṡ². Only in the second state does ṡ² grow with s̈.
         end = np.repeat([0, 1, 1], m)
         interval = np.tile(np.arange(m), 3)
         square_growth = np.concatenate([np.zeros(m), 2 * lengths, np.zeros(m)])
         dq = path.dq[end, interval]
         ddq = path.ddq[end, interval]
+        # |a s̈ + q'' ṡ²| ≤ limit bounds s̈ from below by −limit/|a| − (q''/a) ṡ².
         a = dq + square_growth[:, None] * ddq
         limit = robot.accelerations * (1 - LIMIT_REDUCTION)
         moves = a != 0
         constant = np.where(moves, -limit / np.abs(a), -np.inf)
         with_square = np.where(moves, -ddq / a, 0.0)
-        alone = [np.stack([constant, with_square, np.zeros_like(a)])]
+        single_bounds = [np.stack([constant, with_square, np.zeros_like(a)])]
         halves: tuple[list[Array], list[Array]] = ([], [])
-        varying: list[int] = []
+        speed_dependent: list[int] = []
         for i, drive, _ in motorised_joints(robot.joints):
             if required_friction(drive).stribeck_speed is not None:
-                varying.append(i)
+                speed_dependent.append(i)
                 continue
             motor = _MotorOnPath.from_joint(
                 path, robot.joints[i], (end, interval, i), square_growth
@@ -450,18 +484,18 @@ class _DecelerationBounds:
                 square_term = at_unit_square[row] - at_zero[row]
                 root_term = at_unit_root[row] - at_zero[row]
                 offsets = np.stack([at_zero[row], square_term, root_term])
-                alone.append(motor.acceleration_bound(slope, offsets)[:, :, None])
+                single_bounds.append(motor.acceleration_bound(slope, offsets)[:, :, None])
                 halves[row].append(motor.acceleration_bound(-slope, -offsets)[:, :, None])
-        all_rows = alone + halves[0] + halves[1]
+        all_rows = single_bounds + halves[0] + halves[1]
         terms = np.concatenate(all_rows, axis=2).transpose(0, 2, 1)
-        count = sum(term.shape[2] for term in alone)
+        count = sum(term.shape[2] for term in single_bounds)
         return cls(
             path,
             robot,
             lengths,
             np.ascontiguousarray(terms),
             single_rows=count,
-            speed_dependent_joints=tuple(varying),
+            speed_dependent_joints=tuple(speed_dependent),
         )
 
     def smallest_acceleration(self, k: Indices, x: Array, *, ends: bool) -> Array:
@@ -472,9 +506,10 @@ class _DecelerationBounds:
         k : (n,) array
             Indices of the intervals.
         x : (n,) array
-            ṡ² at their starts.
+            ṡ² at the starts of these intervals.
         ends : bool
-            True if ṡ is 0 at the end of the interval.
+            True if the stop ends within each interval. Its limits are then checked at the start of
+            the interval and at both of its ends with ṡ = 0.
 
         Returns
         -------
@@ -483,9 +518,9 @@ class _DecelerationBounds:
         """
         n = len(k)
         m = len(self.lengths)
-        still = np.zeros(n)
+        at_rest = np.zeros(n)
         # Pairs of a state of the interval (0, 1 or 2, as in `terms`) and the value of ṡ² in it.
-        positions = [(0, x), (2, still), (0, still)] if ends else [(0, x), (1, x)]
+        positions = [(0, x), (2, at_rest), (0, at_rest)] if ends else [(0, x), (1, x)]
         square = np.concatenate([speed_squared for _, speed_squared in positions])
         columns = np.concatenate([position * m + k for position, _ in positions])
         c0, c1, c2 = self.terms[:, :, columns]
@@ -513,8 +548,8 @@ class _DecelerationBounds:
 class _MotorOnPath:
     """A motor at n positions of a path.
 
-    The friction law consists of two linear functions of the load, called rows. The torque in the
-    direction of motion is the larger of both.
+    The friction law consists of two linear functions of the joint effort, called rows. The torque
+    in the direction of motion is the larger of both.
 
     Attributes
     ----------
@@ -522,10 +557,12 @@ class _MotorOnPath:
         The joint with its drive and motor.
     rows : TorqueRows
         The friction law in the direction of motion.
-    sigma, dq, ddq : (n,) arrays
-        Direction of the joint, q' and q''.
-    load : tuple of three (n,) arrays
-        Coefficients of the effort a s̈ + b ṡ² + c.
+    sigma : (n,) array
+        Direction of the joint: −1, 0 or 1.
+    dq, ddq : (n,) arrays
+        First and second derivative of the joint position by the path parameter s.
+    effort_terms : tuple of three (n,) arrays
+        Coefficients a, b and c of the effort a s̈ + b ṡ² + c of the joint.
     """
 
     joint: Joint
@@ -533,7 +570,7 @@ class _MotorOnPath:
     sigma: Array
     dq: Array
     ddq: Array
-    load: tuple[Array, Array, Array]
+    effort_terms: tuple[Array, Array, Array]
     square_growth: Array
     """Increase of ṡ² per unit of s̈ since the start of the interval, (n,). 0 if ṡ² is given."""
 
@@ -555,15 +592,16 @@ class _MotorOnPath:
         joint : Joint
             A joint with a drive and a motor.
         index : tuple
-            Ends (n,) and intervals (n,) of the positions, and the index of the joint.
+            For each position, the end of its interval (0 for the start, 1 for the end, (n,)) and
+            the index of its interval (n,). The last entry is the index of the joint.
         square_growth : (n,) array
             Increase of ṡ² per unit of s̈ since the start of the interval.
         square : (n,) array or float
-            ṡ² that determines the friction coefficient.
+            ṡ², which determines the motor speed and thereby the friction coefficient.
         """
         assert joint.drive is not None
         dq = path.dq[index]
-        inertia, velocity, gravity = path.load
+        inertia, velocity, gravity = path.effort_terms
         sigma = np.sign(dq)
         motor_speed = joint.drive.ratio * dq * np.sqrt(square)
         mu = friction_coefficient(required_friction(joint.drive), motor_speed)
@@ -573,7 +611,7 @@ class _MotorOnPath:
             sigma,
             dq=dq,
             ddq=path.ddq[index],
-            load=(inertia[index], velocity[index], gravity[index]),
+            effort_terms=(inertia[index], velocity[index], gravity[index]),
             square_growth=square_growth,
         )
 
@@ -591,7 +629,7 @@ class _MotorOnPath:
         list of two (n,) arrays
             Motor torques in the direction of motion, N·m.
         """
-        drive, (inertia, velocity, gravity) = self.joint.drive, self.load
+        drive, (inertia, velocity, gravity) = self.joint.drive, self.effort_terms
         assert drive is not None
         speed = self.dq * root
         acceleration = self.dq * u + self.ddq * (square + self.square_growth * u)
@@ -601,20 +639,22 @@ class _MotorOnPath:
         return [self.sigma * self.rows.torque(slope * effort, *motion) for slope in self.rows.slope]
 
     def acceleration_bound(self, slope: Array, offset: Array) -> Array:
-        """Return the smallest u = s̈ for which slope · u + offset is at most the largest torque.
+        """Compute the smallest s̈ at which a torque does not exceed its limit.
+
+        The torque is slope · s̈ + offset, where the offset is linear in other variables.
 
         Parameters
         ----------
         slope : (n,) array
-            Change of the torque with u.
+            Change of the torque with s̈.
         offset : (terms, n) array
-            A constant, and the coefficients of other variables.
+            Constant part of the offset, and its coefficients of the other variables.
 
         Returns
         -------
         (terms, n) array
             The bound as a constant and the coefficients of the same variables. The constant is −∞
-            if the torque bounds u only from above.
+            if the torque does not bound s̈ from below.
         """
         assert self.joint.motor is not None
         limit = np.zeros((len(offset), 1))
@@ -657,7 +697,7 @@ class _MotorOnPath:
 def _pieces_from_steps(
     path: _StopPath, count: int, columns: list[Array]
 ) -> tuple[Array, Array, Indices]:
-    """Build the pieces of `StopMotions` from the steps of all stops.
+    """Build the polynomial pieces of all stops from their steps along the path.
 
     Parameters
     ----------
@@ -671,8 +711,12 @@ def _pieces_from_steps(
 
     Returns
     -------
-    lengths, coefficients, edges
-        See `_advance_stops`.
+    lengths : (m,) array
+        Durations of the pieces, s.
+    coefficients : (m, 6, 4) array
+        Coefficients of powers of the time since the start of the piece.
+    edges : (count + 1,) array
+        Index of the first piece of each stop, and the number of pieces.
     """
     order = np.argsort(columns[0], kind="stable")
     stop, k, x, u, end_x, travel = (column[order] for column in columns)
@@ -691,6 +735,7 @@ def _pieces_from_steps(
     root = np.sqrt(x)[:, None]
     end_root = np.sqrt(end_x)[:, None]
     u = u[:, None]
+    # s̈ is constant in a step, so the mean of ṡ is the mean of its values at both ends.
     dt = 2 * travel / (root + end_root)[:, 0]
     # q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ² at both ends of each step
     start = q, dq * root, dq * u + ddq * x[:, None]

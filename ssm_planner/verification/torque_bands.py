@@ -160,27 +160,28 @@ def _window_bounds(
         The acceleration and the torque that occur at least at some instant, and the torque that no
         instant exceeds.
     """
-    time_before, time_after = np.diff(t, axis=0)
-    span = time_before + time_after
+    first_gap, last_gap = np.diff(t, axis=0)
+    span = first_gap + last_gap
     largest_qdd = robot.accelerations
-    jump = (q[2] - q[1]) / time_after - (q[1] - q[0]) / time_before
+    # Twice the second divided difference is a weighted mean of the acceleration (module docstring).
+    jump = (q[2] - q[1]) / last_gap - (q[1] - q[0]) / first_gap
     mean = 2 * jump / span
-    error = 4 * resolution * (1 / time_before + 1 / time_after) / span
-    still = np.zeros_like(mean)
-    values = np.array([np.abs(mean) - error, still, still])
+    error = 4 * resolution * (1 / first_gap + 1 / last_gap) / span
+    zero = np.zeros_like(mean)
+    values = np.array([np.abs(mean) - error, zero, zero])
     if not with_torques:
         values[2] = np.inf
         return values
     qd = (q[2] - q[0]) / span
     qd_error = np.where(at_rest, 0.0, largest_qdd * span / 2 + 2 * resolution / span)
-    q_error = (np.abs(qd) + qd_error) * np.maximum(time_before, time_after) + resolution
+    q_error = (np.abs(qd) + qd_error) * np.maximum(first_gap, last_gap) + resolution
     jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
     deviation = error + jerk * span
     lowest_qdd = np.clip(mean - deviation, -largest_qdd, largest_qdd) * ~at_rest
     highest_qdd = np.clip(mean + deviation, -largest_qdd, largest_qdd) * ~at_rest
     body = RigidBody.from_robot(robot)
     mass = body.mass_matrix(q[1])
-    load_at_rest = body.inverse_dynamics(q[1], qd, still)
+    load_without_qdd = body.inverse_dynamics(q[1], qd, zero)
     middle = (lowest_qdd + highest_qdd) / 2
     half = (highest_qdd - lowest_qdd) / 2
     slack = _bound_load_changes(body, q[1], qd, (q_error, qd_error, largest_qdd))
@@ -189,16 +190,18 @@ def _window_bounds(
         for direction in (-1, 1):
             bands = []
             for qdd, qdd_error in ((mean, error), (middle, half)):
-                load = load_at_rest[:, i] + (mass[:, i] * qdd).sum(axis=1)
+                load = load_without_qdd[:, i] + (mass[:, i] * qdd).sum(axis=1)
                 load_error = slack[:, i] + (np.abs(mass[:, i]) * qdd_error).sum(axis=1)
                 state = (load, qd[:, i], qdd[:, i])
                 errors = (load_error, qd_error[:, i], qdd_error[:, i])
                 bands.append(_torque_band(drive, direction, mu, state, errors))
-            (sure, _), (lowest, highest) = bands
+            # The mean acceleration gives the torque that occurs at least, its range gives the
+            # bounds.
+            (certain_torque, _), (lowest, highest) = bands
             speed = direction * qd[:, i]
             moves = speed > qd_error[:, i]
             may_move = speed >= -qd_error[:, i]
-            torques = np.array([sure * moves, np.maximum(highest, -lowest) * may_move])
+            torques = np.array([certain_torque * moves, np.maximum(highest, -lowest) * may_move])
             values[1:, :, i] = np.maximum(values[1:, :, i], torques)
     return values
 
@@ -227,30 +230,35 @@ def _bound_load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Arra
         Largest changes of the loads, N·m and N.
     """
     q_error, qd_error, largest_qdd = errors
-    still = np.zeros_like(qd)
-    mass, load = body.mass_matrix(q), body.inverse_dynamics(q, qd, still)
-    changes = still.copy()
+    zero = np.zeros_like(qd)
+    mass, load = body.mass_matrix(q), body.inverse_dynamics(q, qd, zero)
+    changes = zero.copy()
     # The sum over both sides is at least twice the change within the window.
     for i, side in product(range(4), (-1, 1)):
         step = side * np.eye(4)[i]
         q_nearby = q + step * q_error
-        changes += np.abs(body.inverse_dynamics(q_nearby, qd, still) - load)
-        changes += np.abs(body.inverse_dynamics(q, qd + step * qd_error, still) - load)
+        changes += np.abs(body.inverse_dynamics(q_nearby, qd, zero) - load)
+        changes += np.abs(body.inverse_dynamics(q, qd + step * qd_error, zero) - load)
         changes += np.abs(body.mass_matrix(q_nearby) - mass) @ largest_qdd
     return changes
 
 
 def _extreme_friction(drive: Drive, speed: Array, error: Array) -> Array:
-    """Return the smallest and the largest friction coefficient near given speeds, (2, n).
+    """Compute the smallest and the largest friction coefficient near given speeds.
 
     Parameters
     ----------
     drive : Drive
         Drive of the joint, with its friction.
     speed : (n,) array
-        Magnitudes of the joint speed.
+        Magnitudes of the joint speed, rad/s or m/s.
     error : (n,) array
         Largest errors of these speeds.
+
+    Returns
+    -------
+    (2, n) array
+        Smallest coefficients of a moving joint, and largest coefficients including static friction.
     """
     friction = required_friction(drive)
     speeds = drive.ratio * np.maximum(speed + error * [[1], [-1]], 0)
@@ -276,9 +284,9 @@ def _torque_band(
     mu : (2, n) array
         Smallest and largest friction coefficient.
     state : tuple of three (n,) arrays
-        Load, speed and acceleration in the centre of the box.
+        Load (N·m or N), joint speed and joint acceleration in the centre of the box.
     errors : tuple of three (n,) arrays
-        Half widths of the box.
+        Half widths of the box in the same units.
 
     Returns
     -------
@@ -293,4 +301,5 @@ def _torque_band(
         motor = drive.ratio * qd, drive.ratio * qdd
         values.append(direction * moving_torque(drive, carried, *motor, direction=direction, mu=mu))
     highest = np.max(values, axis=0)
-    return 2 * values[0][0] - highest[0], highest[1]
+    at_centre = values[0]
+    return 2 * at_centre[0] - highest[0], highest[1]

@@ -47,24 +47,25 @@ the exact start and end of the dwell.
 def with_task_results(
     certificate: Certificate, motion: Trajectory, problem: Problem
 ) -> Certificate:
-    """Return a certificate that also judges the points, lines, dwells and durations of a problem.
+    """Judge whether a motion visits all points of a problem, and add the results to a certificate.
 
     The new results are named "target", "waypoint", "dwell" and "duration". The worst value of a
-    point is its error as a multiple of `POINT_TOLERANCE`. If the motion has phases, `check` has
-    already judged its lines.
+    point is its error as a multiple of `POINT_TOLERANCE`. The lines of the problem are judged too,
+    unless the motion has phases, because `check` has already judged their lines.
 
     Parameters
     ----------
     certificate : Certificate
         Result of `check` for the motion.
     motion : Trajectory
-        The motion, or a table.
+        The motion, or a table of points.
     problem : Problem
         The problem that the motion must solve.
 
     Returns
     -------
     Certificate
+        The certificate with the new results.
     """
     limits = problem.task_limits
     unchecked = [text for text in certificate.unchecked if text != unchecked_lines_remark(limits)]
@@ -89,12 +90,14 @@ def with_task_results(
                 index, error = path.first_visit(path.errors(point), index)
                 checks.append(_point_result("waypoint", entry.name, error, path.t[index]))
             errors = path.errors(entry.to)
+            # A coordinate that the task leaves open is NaN: the spin, or the depth of a curve along
+            # the retina.
             is_open = getattr(entry, "spin_free", False), getattr(entry, "distance", 0)
             path.last_task[2:][np.array(is_open, bool)] = np.nan
             errors[:, np.isnan(path.last_task)] = np.nan
             chain.append(entry)
             if getattr(entry, "blend", None) is not None:
-                continue
+                continue  # the next motion follows without a stop, so its target counts
             final = entry is problem.motion[-1]
             index, error = path.first_visit(errors, len(path.t) - 1 if final else index)
             checks.append(_point_result("target", entry.name, error, path.t[index]))
@@ -218,6 +221,7 @@ class _TaskProgress:
         self.last_task = task_coordinates_of(self.mechanism, point, self.last_task, self.branch)
         if isinstance(point, Joints):
             return (self.q - point.values) / POINT_TOLERANCE
+        # Angles that differ by whole turns are equal. The depth is far below one "turn" of 2π m.
         return ((self.tasks - self.last_task + np.pi) % (2 * np.pi) - np.pi) / POINT_TOLERANCE
 
     def first_visit(self, errors: Array, first_index: int) -> tuple[int, float]:
@@ -244,6 +248,7 @@ class _TaskProgress:
         error : float
             Error there, in multiples of `POINT_TOLERANCE`.
         """
+        # The error at the fraction λ of a step is |error + λ step|, which is smallest at `share`.
         error = np.nan_to_num(errors[first_index:])
         step = np.diff(error, axis=0, append=error[-1:])
         square = np.maximum((step**2).sum(axis=1), np.finfo(float).tiny)
