@@ -66,7 +66,10 @@ class SessionDesign:
     """
 
     def to_dict(self) -> JsonObject:
-        """Return the output of `identify --design --json`, in SI units."""
+        """Return the session as a dict of recordings, law and expected estimates, in SI units.
+
+        The command `identify --design --json` prints this dict.
+        """
         return {
             "recordings": [
                 {"speed": speed, "duration": duration}
@@ -200,13 +203,13 @@ def _session_speeds(top_speed: float, count: int) -> Array:
         Motor speeds (rad/s), negative in the negative direction.
     """
     half = count // 2
-    different = (
+    magnitudes = (
         np.geomspace(SMALLEST_SPEED_RATIO, 1.0, half - MIDDLE_SPEED_RECORDINGS + 1) * top_speed
     )
-    middle = len(different) // 2
-    others = np.delete(different, middle)
+    middle = len(magnitudes) // 2
+    other_speeds = np.delete(magnitudes, middle)
     rng = np.random.default_rng(0)
-    rest = rng.permutation(np.concatenate([others, -others]))
-    blocks = np.array_split(rest, MIDDLE_SPEED_RECORDINGS - 1)
-    pair = different[middle] * np.array([1.0, -1.0])
+    shuffled_speeds = rng.permutation(np.concatenate([other_speeds, -other_speeds]))
+    blocks = np.array_split(shuffled_speeds, MIDDLE_SPEED_RECORDINGS - 1)
+    pair = magnitudes[middle] * np.array([1.0, -1.0])
     return np.concatenate([pair, *(np.append(block, pair) for block in blocks)])

@@ -33,7 +33,7 @@ def write_drive(
     dynamic: Mapping[str, Estimate],
     evidence: str,
 ) -> str:
-    """Write a drive file with identified friction, and return its path.
+    """Write a drive file with identified friction.
 
     Each parameter states its 95 % interval. The file is replaced as a whole, so it is never
     incomplete.
@@ -141,6 +141,7 @@ def _friction_entry(
     estimates = {**fit.estimates, **dynamic}
     names = ["mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov"]
     if friction.law != "coulomb":
+        # The Stribeck term follows the other coefficients of the gear mesh.
         names[2:2] = ["mu_stribeck", "stribeck_speed"]
     names += [name for name in ("dwell_constant", "memory") if getattr(friction, name)]
     table: JsonObject = {"law": friction.law, "source": f"identified from {evidence}"}
@@ -189,7 +190,13 @@ def _posterior_entry(posterior: Posterior) -> JsonObject:
 
 
 def _joined_numbers(values: Iterable[float]) -> str:
-    """Return numbers with six significant digits as one text, separated by spaces."""
+    """Join numbers with six significant digits in one text, separated by spaces.
+
+    Parameters
+    ----------
+    values : iterable of float
+        The numbers.
+    """
     return " ".join(f"{value:.6g}" for value in values)
 
 

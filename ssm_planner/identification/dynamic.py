@@ -107,13 +107,13 @@ class _LeastSquaresProblem:
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])
 
     def model(self, theta: Array) -> Drive:
-        """Return the drive with the parameters of the vector θ.
+        """Build the drive with given parameters of start–stop motion.
 
         Parameters
         ----------
         theta : (3,) array
-            mu_static − mu, dwell_constant (s) and memory (s). A dwell constant of 0 s means that
-            friction does not grow at rest.
+            mu_static − mu (dimensionless), dwell_constant in s and memory in s. A dwell constant of
+            0 means that friction does not grow at rest.
 
         Returns
         -------
@@ -128,7 +128,18 @@ class _LeastSquaresProblem:
         return replace(self.drive, friction=friction)
 
     def residuals(self, theta: Array) -> list[Array]:
-        """Return the residuals (samples,) of each recording for θ (3,)."""
+        """Compute the errors of the predicted torque of each recording.
+
+        Parameters
+        ----------
+        theta : (3,) array
+            Parameters θ.
+
+        Returns
+        -------
+        list of (samples,) arrays
+            Predicted minus measured torque, divided by the range of the measured torque.
+        """
         drive = self.model(theta)
         return [
             (predict_torque(drive, m, self.load, self.load_inertia) - tau) / np.ptp(r.tau)
@@ -136,15 +147,38 @@ class _LeastSquaresProblem:
         ]
 
     def residual(self, theta: Array) -> Array:
-        """Return the residuals of all recordings for θ (3,) in one array (all samples,)."""
+        """Compute the residuals of all recordings in one array.
+
+        Parameters
+        ----------
+        theta : (3,) array
+            Parameters θ.
+
+        Returns
+        -------
+        (all samples,) array
+            Residuals of one recording after the other.
+        """
         return np.concatenate(self.residuals(theta))
 
     def cost(self, theta: Array) -> float:
-        """Return the sum of the squared residuals for θ (3,)."""
+        """Compute the sum of the squared residuals.
+
+        Parameters
+        ----------
+        theta : (3,) array
+            Parameters θ.
+        """
         return float(np.sum(self.residual(theta) ** 2))
 
     def nrmsd(self, theta: Array) -> tuple[float, ...]:
-        """Return the RMS of the residuals of each recording for θ (3,)."""
+        """Compute the relative error of each recording, that is, the RMS of its residuals.
+
+        Parameters
+        ----------
+        theta : (3,) array
+            Parameters θ.
+        """
         return tuple(map(rms, self.residuals(theta)))
 
 
@@ -154,11 +188,7 @@ def fit_dynamic(
     """Fit the static friction, its growth at rest and frictional memory to start–stop recordings.
 
     The parameters of the torque–velocity map do not change. The Akaike criterion selects which of
-    the three parameters are fitted: N ln(cost) + 2 k is smallest, where the cost is the sum of
-    squared residuals, and k the number of fitted parameters. The criterion is evaluated at the best
-    points of a grid. N is the number of independent samples. It is smaller than the number of
-    samples, because the residuals of neighbouring samples are correlated. The 95 % intervals are
-    asymptotic, that is, they follow from a linearised model.
+    the three parameters are fitted.
 
     Parameters
     ----------
@@ -175,9 +205,18 @@ def fit_dynamic(
     -------
     DynamicFit
         Drive with the fitted parameters, their estimates and the errors before and after the fit.
+
+    Notes
+    -----
+    The selected parameters have the smallest N ln(cost) + 2 k, where the cost is the sum of squared
+    residuals, and k is the number of fitted parameters. The criterion is evaluated at the best
+    points of a grid. N is the number of independent samples. It is smaller than the number of
+    samples, because the residuals of neighbouring samples are correlated. The 95 % intervals are
+    asymptotic, that is, they follow from a linearised model.
     """
     problem = _LeastSquaresProblem(drive, recordings, load, load_inertia)
     starts = {subset: _best_grid_point(problem, subset) for subset in _PARAMETER_SUBSETS}
+    # The residuals of the model with all three parameters are closest to pure noise.
     independent = _independent_samples(problem.residual(starts[(0, 1, 2)]))
     criterion = {
         s: independent * math.log(problem.cost(theta)) + 2 * len(s) for s, theta in starts.items()
@@ -250,17 +289,19 @@ def _minimise_cost(
     jacobian : (all samples, free) array
         Derivatives of the residuals with respect to the free parameters, at the end of the search.
     """
-    from scipy.optimize import least_squares
+    from scipy.optimize import least_squares  # SciPy's optimisers take long to import.
 
     if not free:
         return theta, np.zeros((len(problem.residual(theta)), 0))
 
     def completed(free_values: Array) -> Array:
+        """Return all parameters (3,) with the given values of the free ones."""
         values = theta.copy()
         values[free] = free_values
         return values
 
     def misfit(free_values: Array) -> Array:
+        """Return the residuals (all samples,) for the given values of the free parameters."""
         return problem.residual(completed(free_values))
 
     solution = least_squares(
@@ -334,6 +375,7 @@ def _estimates(
         value = problem.residual(theta)
         variance = float(value @ value) / max(independent - len(free), 1.0)
         information = jacobian.T @ jacobian / variance * (independent / len(value))
+        # The small diagonal keeps the matrix regular if the residuals ignore a parameter.
         covariance = np.linalg.pinv(information + np.diag(1e-9 / UPPER_BOUNDS[free] ** 2))
         quantile = float(ndtri(0.5 + CONFIDENCE / 2))
         half[free] = quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -183,13 +183,14 @@ def fit_map(
         One of `FRICTION_LAWS`, or `auto` for the simplest law whose error on recordings
         that the fit has not used is close to the smallest.
     fixed : Mapping, optional
-        Parameters that are not fitted, with their values by name.
+        Parameters that are not fitted, with their values by name, in SI units.
     reference : Mapping, optional
-        Expected values by name, which become the centres of the prior.
+        Expected values by name, in SI units. They become the centres of the prior.
     free : sequence of str
-        Parameters that are fitted in addition to those of the law (`b_ov`, `preload`).
+        Parameters that are fitted in addition to those of the law: "b_ov" (viscous friction of the
+        output), "preload" (of a nut), or both.
     progress : callable
-        Called with a step for each law.
+        Function that is called with a `Step` before each law is fitted.
 
     Returns
     -------
@@ -201,6 +202,7 @@ def fit_map(
     RecordingError
         If all recordings move in one direction, or if there are too few points for the parameters.
     """
+    # The viscous friction of the output is 0 unless the user fits or fixes it.
     fixed = {
         name: value for name, value in {"b_ov": 0.0, **(fixed or {})}.items() if name not in free
     }
@@ -210,7 +212,7 @@ def fit_map(
     weight = np.ones(len(data.w))
     for outlier in outliers:
         weight[outlier.index] = outlier.weight
-    prototype = MapModel(
+    unfitted_model = MapModel(
         drive=drive,
         law=law,
         names=(),
@@ -226,7 +228,7 @@ def fit_map(
             _INITIAL_SCATTER * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau))
         ),
     )
-    models = _candidate_models(prototype, free)
+    models = _candidate_models(unfitted_model, free)
     fitted = []
     for k, model in enumerate(models):
         progress(Step(f"fitting the {model.law.replace('_', ' ')} law", k, len(models) + 1))
@@ -241,10 +243,11 @@ def fit_map(
 
 
 def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel]:
-    """Return the models that are compared: each friction law with and without additional terms.
+    """Build the models that are compared: each friction law with and without additional terms.
 
     The additional terms are a constant load offset, and a change of friction during the session.
-    The models of each law are without any, with the offset, with the change, and with both.
+    Each law gives a model without additional terms, one with the offset, one with the change, and
+    one with both.
 
     Parameters
     ----------
@@ -256,9 +259,8 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     Returns
     -------
     list of MapModel
-        Models, ordered by law. The last model of each law has all parameters. There is none with a
-        load offset if the user fixed the offset, and none with a change if too few recordings have
-        dates.
+        Models, ordered by law. The last model of each law has all parameters. The offset is omitted
+        if the user fixed it, and the change is omitted if too few recordings have dates.
     """
     fixed = prototype.fixed
     additions: list[tuple[str, ...]] = [()]
@@ -300,6 +302,7 @@ def _plausible_models(determined: FittedModels, probabilities: PossibleLaws) -> 
     list of (MapModel, (k,) array)
         The selected entries of `determined`, or all entries if none would be left.
     """
+    # The confidence level is 95 %, so a law is plausible if its probability exceeds 5 %.
     laws = {s.model.law for s, share in probabilities if share > 1 - CONFIDENCE}
     is_coulomb = "coulomb" in laws
     plausible = [pair for pair in determined if (pair[0].law == "coulomb") == is_coulomb]
@@ -363,10 +366,20 @@ def _check_fixed(fixed: Numbers, free: Sequence[str]) -> None:
 
 
 def _check_directions(data: TorqueMap) -> None:
-    """Raise RecordingError if all recordings move in one direction.
+    """Raise an error if all recordings move in one direction.
 
     Friction changes its sign with the direction and the load does not, so only recordings of both
-    directions tell them apart.
+    directions separate the two.
+
+    Parameters
+    ----------
+    data : TorqueMap
+        Points of the map.
+
+    Raises
+    ------
+    RecordingError
+        If all speeds have the same sign.
     """
     if not (np.any(data.w > 0) and np.any(data.w < 0)):
         side = "positive" if np.any(data.w > 0) else "negative"
@@ -528,15 +541,16 @@ def _draw_sets(pooled: Arrays) -> Arrays:
         cumulative, (np.arange(POSTERIOR_DRAWS) + 0.5) / POSTERIOR_DRAWS * cumulative[-1]
     )
     indices = np.random.default_rng(RANDOM_SEED).permutation(indices)
-    ending = (LOAD_OFFSET, LAW_COLUMN)
+    last_names = (LOAD_OFFSET, LAW_COLUMN)
     names = [
         name
         for name in pooled
-        if name not in (*ending, *_DIRECTIONS, *SESSION_CHANGE_PARAMETERS, WEIGHT_COLUMN)
+        if name not in (*last_names, *_DIRECTIONS, *SESSION_CHANGE_PARAMETERS, WEIGHT_COLUMN)
     ]
-    columns = {name: pooled[name][indices] for name in (*names, *ending) if name in pooled}
+    columns = {name: pooled[name][indices] for name in (*names, *last_names) if name in pooled}
     for column in columns.values():
         missing = np.isnan(column)
+        # The present values are repeated in their order as often as necessary.
         column[missing] = np.resize(column[~missing], missing.sum())
     return columns
 
@@ -670,7 +684,18 @@ def _build_posterior(
 
 
 def _round_to_six_digits(values: Array) -> tuple[float, ...]:
-    """Round values (n,) to six significant digits, as the drive file states them."""
+    """Round values to six significant digits, as the drive file states them.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Values of any unit.
+
+    Returns
+    -------
+    tuple of n floats
+        The rounded values.
+    """
     return tuple(float(f"{value:.6g}") for value in values)
 
 

@@ -106,7 +106,10 @@ class Identification:
         return Path(path)
 
     def to_dict(self) -> JsonObject:
-        """Return the output of `identify --json`, in SI units and without file names."""
+        """Return the result of the identification as a dict, in SI units.
+
+        The command `identify --json` prints this dict. It contains no file names.
+        """
         fit, dynamic = self.fit, self.dynamic
         estimates = {**fit.estimates, **self.dynamic_estimates}
         rows = zip(fit.correlation_names, fit.correlation, strict=True)
@@ -357,7 +360,18 @@ def _read_rig_recordings(drive: Drive, recordings: Sequence[str | Path]) -> list
 
 
 def _divide_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """Divide recordings into two lists: at constant speed, and with starts and stops."""
+    """Divide recordings into those at constant speed and those with starts and stops.
+
+    Parameters
+    ----------
+    recordings : list of Recording
+        Recordings of speed and torque.
+
+    Returns
+    -------
+    steady, moving : list of Recording
+        Recordings at constant speed, and recordings with starts and stops.
+    """
     kinds: dict[str, list[Recording]] = {"steady": [], "start_stop": []}
     for recording in recordings:
         kinds[recording_kind(recording)].append(recording)
@@ -429,11 +443,11 @@ def load_map(
     RecordingError
         If there is neither a recording nor a table.
     """
-    also = f" and {len(moving)} start-stop recordings" if moving else ""
+    moving_text = f" and {len(moving)} start-stop recordings" if moving else ""
     if steady:
         data = compute_torque_map(steady)
         span = f"{data.names[0]} … {data.names[-1]}"
-        return data, f"{len(data.w)} steady-state recordings ({span}){also}"
+        return data, f"{len(data.w)} steady-state recordings ({span}){moving_text}"
     file = find_file(drive_path, "drives")
     table = file.parent / TABLE_NAME
     if not table.is_file():
@@ -442,4 +456,7 @@ def load_map(
             "use instead"
         )
     data = read_torque_map(table, file.stem)
-    return data, f"the figures of {len(data.w)} steady-state recordings in {table.name}{also}"
+    return (
+        data,
+        f"the figures of {len(data.w)} steady-state recordings in {table.name}{moving_text}",
+    )

@@ -44,7 +44,20 @@ MAP_PARAMETERS = (*FRICTION_PARAMETERS, "stribeck_speed", "preload")
 def parameter_names(law: str) -> tuple[str, ...]:
     """Return the names of the parameters that are fitted by default for a friction law.
 
-    Raises RecordingError for an unknown law.
+    Parameters
+    ----------
+    law : str
+        Name of the law, one of `FRICTION_LAWS`.
+
+    Returns
+    -------
+    tuple of str
+        Fields of `Friction`.
+
+    Raises
+    ------
+    RecordingError
+        If the law is unknown.
     """
     if law not in FRICTION_LAWS:
         raise RecordingError(f"unknown friction law {law!r}; known: {', '.join(FRICTION_LAWS)}")
@@ -130,8 +143,18 @@ def smallest_locking_mu(drive: Drive) -> float:
 
 
 def zero_speed_coefficient(drive: Drive) -> float:
-    """Return the limit of the friction coefficient of a moving drive as its speed tends to 0.
+    """Compute the limit of the friction coefficient of a moving drive as its speed tends to 0.
 
     The static coefficient cannot be smaller.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+
+    Returns
+    -------
+    float
+        Friction coefficient (dimensionless).
     """
     return float(friction_coefficient(required_friction(drive), 0.0))

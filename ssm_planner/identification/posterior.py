@@ -129,12 +129,13 @@ class MapModel:
         """Prior centres and standard deviations of the parameters, (k,) each.
 
         They refer to ln θ_i, except those of the load offset and of the change δ, which refer to
-        the value itself. Without an expected value in `reference`, the centre of a coefficient of
-        friction torque is a guess: half of the mean torque of the map is attributed to friction,
-        and a share of this friction to each coefficient.
+        the value itself. A parameter with an expected value in `reference` has its centre there.
+        The other centres are rough guesses: half of the mean torque of the map is attributed to
+        friction, and a share of this friction to each coefficient.
         """
         friction, top_speed = 0.5 * float(np.mean(np.abs(self.tau))), float(np.abs(self.w).max())
         effort = friction / float(mesh_coefficients(self.drive, TYPICAL_MU)[0])
+        # The prior spans factors of 2 to 5 on both sides of these guesses (`PRIOR_DEVIATIONS`).
         centre = {
             "b_c": 0.5 * friction,
             "b_v": 0.2 * friction / top_speed,
@@ -349,8 +350,8 @@ class MapModel:
         with np.errstate(all="ignore"):
             error, exponent = self.residual(z), 0.5 * (len(self.w) + SCATTER_PRIOR_WEIGHT)
             terms = [
-                constant - exponent * np.log(np.sum((error @ root) ** 2, axis=1) + self.floor)
-                for root, constant in self.whiteners
+                constant - exponent * np.log(np.sum((error @ whitener) ** 2, axis=1) + self.floor)
+                for whitener, constant in self.whiteners
             ]
             value = np.logaddexp.reduce(terms, axis=0) - 0.5 * np.sum(z * z, axis=1)
         return np.where(np.isfinite(value), value, -np.inf)
@@ -378,7 +379,7 @@ class MapModel:
 
 
 def most_likely(
-    model: MapModel, start: Array | None = None, held: tuple[int, float] | None = None
+    model: MapModel, start: Array | None = None, pinned: tuple[int, float] | None = None
 ) -> Array:
     """Find the coordinates at which the posterior density is largest.
 
@@ -393,7 +394,7 @@ def most_likely(
     start : (k,) array, optional
         Coordinates at which the search starts. By default, it starts at the prior centre and at
         three random points, and the best result is returned.
-    held : (int, float), optional
+    pinned : (int, float), optional
         Index and value of a coordinate that does not change.
 
     Returns
@@ -402,13 +403,15 @@ def most_likely(
         Most likely coordinates.
     """
     k, rng = len(model.names), np.random.default_rng(RANDOM_SEED)
-    free = np.array([held is None or i != held[0] for i in range(k)], dtype=bool)
+    free = np.array([pinned is None or i != pinned[0] for i in range(k)], dtype=bool)
+    # Random starts are within about one standard deviation of the prior. The first guess of the
+    # scatter is 2 % of the torque range, and a few alternations are enough.
     starts = [start] if start is not None else [np.zeros(k), *0.7 * rng.standard_normal((3, k))]
     optima = []
     for initial in starts:
         z = np.array(initial, float)
-        if held is not None:
-            z[held[0]] = held[1]
+        if pinned is not None:
+            z[pinned[0]] = pinned[1]
         scatter = (
             0.02 * float(np.ptp(model.tau)) if start is None else _most_likely_scatter(model, z)
         )
@@ -419,7 +422,7 @@ def most_likely(
         optima.append(z)
     best = max(optima, key=lambda z: float(model.log_posterior(z[None])[0]))
     smallest = smallest_locking_mu(model.drive)
-    if held is None and "mu" in model.names and model.parameters(best[None])["mu"] < smallest:
+    if pinned is None and "mu" in model.names and model.parameters(best[None])["mu"] < smallest:
         bound = model.names.index("mu"), model.coordinate("mu", smallest)
         return most_likely(model, best, bound)
     return best
@@ -472,24 +475,29 @@ def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Ar
     (k,) array
         Coordinates at the minimum.
     """
-    from scipy.optimize import least_squares
+    from scipy.optimize import least_squares  # SciPy's optimisers take long to import.
+
+    step = 1e-6  # of the difference quotients, small beside the prior deviation of 1
 
     def completed(values: Array) -> Array:
+        """Return all coordinates (k,) with the given values of the free ones."""
         coordinates = z.copy()
         coordinates[free] = values
         return coordinates
 
     def misfit(values: Array) -> Array:
+        """Return the residuals of the points, followed by those of the prior."""
         return np.concatenate([model.residual(completed(values)[None])[0] / scatter, values])
 
-    def slope(values: Array) -> Array:
-        steps = 1e-6 * np.eye(len(z))[free]
+    def jacobian(values: Array) -> Array:
+        """Return the derivatives (residuals, free) of the misfit with respect to the values."""
+        steps = step * np.eye(len(z))[free]
         sets = np.concatenate([completed(values)[None], completed(values) + steps])
         residuals = model.residual(sets) / scatter
-        return np.concatenate([((residuals[1:] - residuals[0]) / 1e-6).T, np.eye(len(values))])
+        return np.concatenate([((residuals[1:] - residuals[0]) / step).T, np.eye(len(values))])
 
     solution = least_squares(
-        misfit, z[free], jac=slope, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=60
+        misfit, z[free], jac=jacobian, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=60
     )
     return completed(solution.x)
 
@@ -497,8 +505,8 @@ def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Ar
 def cross_validation_errors(model: MapModel, z: Array) -> Array:
     """Compute the errors of a model on recordings that its fit has not used.
 
-    The recordings are divided into `CROSS_VALIDATION_FOLDS` parts (folds), each of each of which
-    covers the whole range of speeds. A fit to the other folds predicts the recordings of each fold.
+    The recordings are divided into `CROSS_VALIDATION_FOLDS` parts (folds), each of which covers
+    the whole range of speeds. A fit to the other folds predicts the recordings of each fold.
 
     Parameters
     ----------
@@ -515,7 +523,8 @@ def cross_validation_errors(model: MapModel, z: Array) -> Array:
     rng, count = np.random.default_rng(RANDOM_SEED), len(model.w)
     folds = min(CROSS_VALIDATION_FOLDS, count)
     fold = np.empty(count, int)
-    for block in np.array_split(np.argsort(model.w), -(-count // folds)):
+    # Each block of neighbouring speeds gives at most one recording to each fold.
+    for block in np.array_split(np.argsort(model.w), math.ceil(count / folds)):
         fold[block] = rng.permutation(folds)[: len(block)]
     errors = np.zeros(count)
     for k in range(folds):
@@ -571,6 +580,7 @@ def _fisher_information(model: MapModel, z: Array) -> Array:
     (k, k) array
         Information (dimensionless).
     """
+    # The derivatives are forward differences with a step of 1e-5 prior standard deviations.
     sets = np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])
     values = model.residual(sets) / _most_likely_scatter(model, z)
     jacobian = (values[1:] - values[0]) / 1e-5
@@ -578,10 +588,22 @@ def _fisher_information(model: MapModel, z: Array) -> Array:
 
 
 def approximate_covariance(model: MapModel, z: Array) -> Array:
-    """Return the covariance (k, k) of a normal approximation of the posterior at z (k,).
+    """Compute the covariance of a normal approximation of the posterior.
 
     It is the inverse of the sum of the Fisher information and the identity matrix. The latter is
     the information of the standard normal prior.
+
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    z : (k,) array
+        Coordinates at which the law is linearised, usually the most likely ones.
+
+    Returns
+    -------
+    (k, k) array
+        Covariance of the coordinates.
     """
     return np.asarray(np.linalg.inv(_fisher_information(model, z) + np.eye(len(z))))
 
@@ -610,7 +632,18 @@ def data_correlation(model: MapModel, z: Array) -> Array:
 
 
 def _log_speed(w: Array) -> Array:
-    """Return ln max(|w|, `SMALLEST_SPEED`) for motor speeds w (n,) in rad/s."""
+    """Compute the logarithm of the magnitudes of motor speeds.
+
+    Parameters
+    ----------
+    w : (n,) array
+        Motor speeds (rad/s). Magnitudes below `SMALLEST_SPEED` are replaced by it.
+
+    Returns
+    -------
+    (n,) array
+        Natural logarithms.
+    """
     return np.log(np.maximum(np.abs(w), SMALLEST_SPEED))
 
 
@@ -636,12 +669,10 @@ def _log_distance(v: Array, w: Array) -> Array:
 
 
 def error_correlation(v: Array, w: Array) -> Array:
-    """Compute the correlations K between errors of the friction law at motor speeds.
+    """Compute the correlations between errors of the friction law at motor speeds.
 
-        K_kl = exp(−|ln v_k / w_l| / L)
-
-    in one direction, with the correlation length L = `CORRELATION_LENGTH`, and 0 between
-    directions.
+    The correlation of speeds v and w in one direction is exp(−|ln v / w| / L), with the correlation
+    length L = `CORRELATION_LENGTH`. It is 0 between directions.
 
     Parameters
     ----------
@@ -653,7 +684,7 @@ def error_correlation(v: Array, w: Array) -> Array:
     Returns
     -------
     (samples, recordings) array
-        Correlations K (dimensionless).
+        Correlations (dimensionless), called K in the docstring of this module.
     """
     return np.exp(-_log_distance(v, w) / CORRELATION_LENGTH)
 
@@ -661,7 +692,7 @@ def error_correlation(v: Array, w: Array) -> Array:
 def predict_law_error(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     """Interpolate the error of the friction law between the speeds of the recordings.
 
-    The interpolation is a regression with the correlations K of this module's text (kriging). With
+    The interpolation is a regression with the correlations K of `error_correlation` (kriging). With
     the shared fraction c, the factors are A = c K(w, w_k) R_c⁻¹, where w_k are the speeds of the
     recordings. The factor √(1 − Σ A c K(w, w_k)) describes the scatter that remains. It is
     multiplied by 1 + d with the logarithmic distance d to the nearest recorded speed, because no
@@ -719,7 +750,15 @@ def extrapolation_distance(posterior: Posterior, w: Array) -> Array:
 
 
 def _replace_infinite(distance: Array) -> Array:
-    """Replace infinite distances by 1, the value for a direction without recordings."""
+    """Replace infinite distances between speeds by 1.
+
+    A distance is infinite in a direction without recordings.
+
+    Parameters
+    ----------
+    distance : (samples,) array
+        Logarithmic distances (dimensionless).
+    """
     return np.where(np.isfinite(distance), distance, 1.0)
 
 

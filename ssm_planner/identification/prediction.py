@@ -167,7 +167,7 @@ class Prediction:
         moving = np.logical_not(self.rest)
         expected = np.abs(self.tau[moving]).mean()
         measured = np.abs(self.recording.tau[moving]).mean()
-        ratio = measured / max(expected, 1e-300)
+        ratio = measured / max(expected, 1e-300)  # the small number prevents a division by 0
         if 7.0 < ratio < 14.0 or 7.0 < 1 / max(ratio, 1e-300) < 14.0:
             yield f"the measured torque is {ratio:.2g} times the predicted: are % and ‰ exchanged?"
         elif self.nrmsd > IMPLAUSIBLE_ERROR or abs(ratio - 1) > IMPLAUSIBLE_ERROR:
@@ -180,7 +180,10 @@ class Prediction:
             yield f"extrapolated: the fit had no recording near {self.unseen * 30 / np.pi:.3g} rpm"
 
     def to_dict(self) -> JsonObject:
-        """Return the output of `predict --json` for one recording, without file names."""
+        """Return the comparison of predicted and measured torque as a dict, in SI units.
+
+        The command `predict --json` prints this dict for each recording. It contains no file names.
+        """
         return {
             "recording": self.recording.name,
             "nrmsd": self.nrmsd,
@@ -431,8 +434,8 @@ def _distinct_speeds(motion: "RecordedMotion") -> tuple[Array, Array, Indices]:
         Index of the pair of each sample.
     """
     pairs = np.column_stack([motion.w, motion.direction])
-    kinds, index = np.unique(pairs, axis=0, return_inverse=True)
-    speed, direction = kinds.T
+    distinct_pairs, index = np.unique(pairs, axis=0, return_inverse=True)
+    speed, direction = distinct_pairs.T
     w = np.where(direction == 0, 1.0, direction * np.maximum(np.abs(speed), STANDSTILL_SPEED))
     return w, direction, index.reshape(-1)
 
@@ -440,14 +443,9 @@ def _distinct_speeds(motion: "RecordedMotion") -> tuple[Array, Array, Indices]:
 def _parameter_set_differences(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
     """Compute by how much the torque of each parameter set differs from that of the drive itself.
 
-    The drive and every set of the posterior have their own errors at the recordings of the fit.
-    Each is corrected by the interpolation of its errors, so all of them nearly agree at the speeds
-    of the recordings. What remains is the uncertainty at other speeds:
-
-        d(w) = Δτ(w) − A(w)·Δτ(w_k),
-
-    where Δτ is the torque of a set minus that of the drive, w_k are the speeds of the recordings,
-    and A contains the factors of `predict_law_error`.
+    Each torque is first corrected by the interpolated errors of its friction law at the recordings
+    of the fit. All of them nearly agree at the speeds of the recordings then, and the differences
+    show the uncertainty at other speeds.
 
     Parameters
     ----------
@@ -463,7 +461,12 @@ def _parameter_set_differences(drive: Drive, posterior: Posterior, w: Array, loa
     Returns
     -------
     (sets, speeds) array
-        Differences d of the motor torque (N·m).
+        Differences of the motor torque (N·m).
+
+    Notes
+    -----
+    The differences are Δτ(w) − A(w)·Δτ(w_k), where Δτ is the torque of a set minus that of the
+    drive, w_k are the speeds of the recordings, and A contains the factors of `predict_law_error`.
     """
     sets: Keywords = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
@@ -471,6 +474,7 @@ def _parameter_set_differences(drive: Drive, posterior: Posterior, w: Array, loa
     drives = drive_with_values(drive, sets)
 
     def difference(v: Array) -> Array:
+        """Compute the differences Δτ (sets, speeds) at the motor speeds v (speeds,)."""
         return map_torque(drives, v, drawn_load) - map_torque(drive, v, load)
 
     factors, _ = predict_law_error(posterior, w)
@@ -523,24 +527,26 @@ def prediction_band(
     spread += scatter * rng.standard_t(SCATTER_DEGREES, (count, 1)) - np.median(spread, axis=0)
     spread[:, direction == 0] = 0.0
     low, high = central_interval(
+        # The mean over all samples weights each distinct speed by its number of samples.
         tau.mean() + spread @ (np.bincount(index, minlength=len(w)) / len(index))
     )
     wave = np.broadcast_to(position_ripple, len(tau))
     peaks = np.zeros(count)
     for sign in (1, -1):
-        same, unpredicted = direction == sign, posterior.ripple(sign)
-        if not same.any():
+        in_direction, unpredicted = direction == sign, posterior.ripple(sign)
+        if not in_direction.any():
             continue
-        top = int(np.argmax(np.abs(tau) * (motion.direction == sign)))
-        peak = np.abs(tau[top] + spread[:, index[top]])
+        top_sample = int(np.argmax(np.abs(tau) * (motion.direction == sign)))
+        # The largest torque occurs where the predicted one is largest.
+        peak = np.abs(tau[top_sample] + spread[:, index[top_sample]])
         if unpredicted is not None:
             peak += unpredicted.draw_peak(rng, count)
             known_square = float(np.mean(wave[motion.direction == sign] ** 2))
             draws = unpredicted.draw(rng, count, known_square)[:, None]
             if posterior.reaction is not None:
-                square = posterior.reaction.remaining_rms(w[same]) ** 2 - known_square
+                square = posterior.reaction.remaining_rms(w[in_direction]) ** 2 - known_square
                 draws = np.sqrt(np.maximum(square, 0.0)) * rng.standard_normal((count, 1))
-            spread[:, same] += draws
+            spread[:, in_direction] += draws
         peaks = np.maximum(peaks, peak)
     ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, index]
     ends += tau + wave + reaction

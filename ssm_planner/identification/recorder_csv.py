@@ -54,13 +54,24 @@ class RepairNotes:
         self.counted: dict[str, list[int]] = {}
 
     def add(self, text: str) -> None:
-        """Add a note on a value that is not used as it stands in the file."""
+        """Add a note on a value that is not used as the file states it.
+
+        Parameters
+        ----------
+        text : str
+            The note as a sentence.
+        """
         self.doubts.append(text)
 
     def count(self, text: str, line: int) -> None:
-        """Add a note on one line, which is counted with equal notes on other lines.
+        """Add a note on one line, which is counted together with equal notes on other lines.
 
-        `line` is the index of the line, from 0.
+        Parameters
+        ----------
+        text : str
+            The note, as it continues after the number of lines.
+        line : int
+            Index of the line, from 0.
         """
         self.counted.setdefault(text, []).append(line + 1)
 
@@ -146,7 +157,13 @@ class RepairNotes:
         raise RecordingError(f"{self.path}:{line + 1}: {text[:40]!r} is not a number")
 
     def texts(self) -> list[str]:
-        """Return all notes as sentences, with the number of equal notes."""
+        """Return all notes as sentences.
+
+        Returns
+        -------
+        list of str
+            Notes on single values, and then notes on several lines with their number.
+        """
         counted = [f"{len(k)} {text} (first: line {k[0]})" for text, k in self.counted.items()]
         return self.doubts + counted
 
@@ -265,13 +282,13 @@ def parse_table(text: str, path: Path) -> Table:
             raise RecordingError(
                 f"{path}:{k + 1}: a line of {len(line)} characters is too long for a table"
             )
-    separator, names_at = _find_heading(lines, path)
+    separator, heading_line = _find_heading(lines, path)
     header: dict[str, str] = {}
-    for line in lines[:names_at]:
+    for line in lines[:heading_line]:
         key, _, value = _strip_commas(line).replace('"', "").partition(separator)
         header[key.strip().rstrip(":").lower()] = value.strip()
-    names = [name.strip().strip('"') for name in _split_fields(lines[names_at], separator)]
-    start = names_at + 1
+    names = [name.strip().strip('"') for name in _split_fields(lines[heading_line], separator)]
+    start = heading_line + 1
     units = [""] * len(names)
     if start < len(lines):
         unit_fields = [field.strip().strip('"') for field in _split_fields(lines[start], separator)]
@@ -446,7 +463,15 @@ def _split_heading(name: str, unit: str) -> tuple[str, str]:
 
 
 def _strip_commas(line: str) -> str:
-    """Remove commas and blanks at the end of a line, which spreadsheets add."""
+    """Remove commas and blanks at the end of a line.
+
+    Spreadsheet programs add them to fill empty columns.
+
+    Parameters
+    ----------
+    line : str
+        Line of the file.
+    """
     return line.rstrip().rstrip(",").rstrip()
 
 
@@ -480,12 +505,31 @@ def _split_fields(line: str, separator: str) -> list[str]:
 
 
 def _remove_quotes(text: str) -> str:
-    """Remove blanks and quotes around a field, and replace Unicode minus signs by hyphens."""
+    """Remove blanks and quotes around a field, and replace Unicode minus signs by hyphens.
+
+    Parameters
+    ----------
+    text : str
+        Text of the field.
+    """
     return text.strip().strip('"').strip().replace("\u2212", "-")
 
 
 def _matching_fields(pattern: re.Pattern[str], fields: Iterable[str]) -> list[str]:
-    """Return the fields that match a pattern from beginning to end, in their order."""
+    """Select the fields that match a pattern from beginning to end.
+
+    Parameters
+    ----------
+    pattern : re.Pattern
+        The pattern.
+    fields : iterable of str
+        Texts of the fields.
+
+    Returns
+    -------
+    list of str
+        The matching fields in their order.
+    """
     return [field for field in fields if pattern.fullmatch(field)]
 
 
@@ -510,12 +554,12 @@ def _decimal_marks(rows: list[list[str]], width: int) -> list[str]:
         contradicts itself.
     """
     columns = [[_BLANKS.sub("", _remove_quotes(row[k])) for row in rows] for k in range(width)]
-    sure = [_certain_marks(fields) for fields in columns]
+    certain_marks = [_certain_marks(fields) for fields in columns]
     numbers = _matching_fields(_WITH_MARKS, itertools.chain.from_iterable(columns))
-    elsewhere = set().union(*sure) or set("".join(numbers)) & set(".,")
+    table_marks = set().union(*certain_marks) or set("".join(numbers)) & set(".,")
     return [
-        _guess_mark(fields, elsewhere) if not marks else "".join(marks) if len(marks) == 1 else ""
-        for fields, marks in zip(columns, sure, strict=True)
+        _guess_mark(fields, table_marks) if not marks else "".join(marks) if len(marks) == 1 else ""
+        for fields, marks in zip(columns, certain_marks, strict=True)
     ]
 
 
@@ -545,7 +589,7 @@ def _certain_marks(fields: list[str]) -> set[str]:
     return marks
 
 
-def _guess_mark(fields: list[str], elsewhere: set[str]) -> str:
+def _guess_mark(fields: list[str], table_marks: set[str]) -> str:
     """Guess the decimal mark of a column in which every number with a mark is ambiguous.
 
     A number is ambiguous if its mark may separate decimals or thousands, such as 1,024. Whole
@@ -555,8 +599,8 @@ def _guess_mark(fields: list[str], elsewhere: set[str]) -> str:
     ----------
     fields : list of str
         Texts of the column.
-    elsewhere : set of str
-        Decimal marks that are certain in any column or, if there are none, all marks in the table.
+    table_marks : set of str
+        Decimal marks that are certain in any column. If none is certain, all marks in the table.
 
     Returns
     -------
@@ -570,9 +614,9 @@ def _guess_mark(fields: list[str], elsewhere: set[str]) -> str:
     integers = [abs(int(field)) for field in _matching_fields(_INTEGER, fields)]
     if integers:
         # After 992, the text 1,024 is 1024. After 1024, the text 1,125 is 1.125.
-        decimal = max(integers) >= 1000 or (mark == "." and "," not in elsewhere)
+        decimal = max(integers) >= 1000 or (mark == "." and "," not in table_marks)
         return mark if decimal else _OTHER_MARK[mark]
-    return mark if elsewhere == {mark} else ""
+    return mark if table_marks == {mark} else ""
 
 
 def _read_samples(
@@ -612,8 +656,8 @@ def _read_samples(
     rows, numbers, too_long = _split_rows(lines, start, width, separator, notes)
     if not rows:
         raise RecordingError(f"{notes.path}: no sample follows the header")
-    comma = separator == ","
-    if comma and len(too_long) > max(1, LARGEST_OMITTED_SHARE * len(rows)):
+    comma_separated = separator == ","
+    if comma_separated and len(too_long) > max(1, LARGEST_OMITTED_SHARE * len(rows)):
         raise RecordingError(
             f"{notes.path}:{too_long[0]}: more fields than the {width} columns that the "
             "header names: where the comma separates columns, numbers with a decimal comma must be "
@@ -622,7 +666,7 @@ def _read_samples(
     if too_long:
         notes.add(
             f"{len(too_long)} lines with more than {width} columns (first: line {too_long[0]}): "
-            + ("left out" if comma else "the rest ignored")
+            + ("left out" if comma_separated else "the rest ignored")
         )
     try:
         return np.array(rows, dtype=float), numbers

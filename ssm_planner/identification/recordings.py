@@ -277,14 +277,16 @@ def read_recordings(
     nominal_torque: float | None = None,
     direction: int = 1,
 ) -> list[Recording]:
-    """Read files, and all `*.csv` and `*.txt` files below directories.
+    """Read recordings from files, and from all `*.csv` and `*.txt` files below directories.
 
     Parameters
     ----------
     paths : list or tuple of str or Path
         Files and directories. Files of a directory are sorted and named by their path within it.
-    nominal_torque, direction
-        Arguments of `read_recording`.
+    nominal_torque : float, optional
+        Nominal torque of the motor in N·m, to which a torque in percent or per mille refers.
+    direction : int
+        Sign of the recorded channels, ±1.
 
     Returns
     -------
@@ -330,7 +332,7 @@ def find_spikes(values: Array) -> Indices:
     (spikes,) array of int
         Indices of the isolated samples.
     """
-    from scipy.ndimage import median_filter
+    from scipy.ndimage import median_filter  # It takes long to import.
 
     outermost = max(1, len(values) // 100)
     inner = np.sort(values)[outermost:-outermost]
@@ -362,11 +364,13 @@ def read_text(path: Path) -> str:
         raise RecordingError(str(error)) from None
     if not raw.strip():
         raise RecordingError(f"{path}: the file is empty")
+    # UTF-16 text begins with a byte order mark.
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
             return raw.decode("utf-16")
         except UnicodeDecodeError as error:
             raise RecordingError(f"{path}: not a text file") from error
+    # Text contains no control characters except tabs, line feeds, returns and form feeds.
     control = raw[:65536].translate(None, bytes(range(32, 256)) + b"\t\r\n\f")
     if control:
         raise RecordingError(f"{path}: not a text file (it holds control bytes)")
@@ -505,15 +509,15 @@ def _longest_runs(torque: Array, moving: Mask) -> tuple[int, int]:
         Numbers of samples of both runs. A run that does not exist has the length 1.
     """
     repeats = (np.diff(torque) == 0.0) & moving[1:] & moving[:-1]
-    rows = sorted([1, 1, *(stop - start + 1 for start, stop in true_runs(repeats))])
-    return rows[-1], rows[-2]
+    lengths = sorted([1, 1, *(stop - start + 1 for start, stop in true_runs(repeats))])
+    return lengths[-1], lengths[-2]
 
 
 def _percent_remarks(share: Array, unit: str) -> Iterator[str]:
     """Yield a remark if a torque that is labelled % seems to be in ‰.
 
-    This is so if all values are whole numbers and some exceed 100 %, or if the mean |torque| is
-    more than a motor can sustain.
+    This is so if all values are whole numbers and some exceed 100 %, or if the mean
+    |torque| is more than a motor can sustain.
 
     Parameters
     ----------
@@ -528,11 +532,11 @@ def _percent_remarks(share: Array, unit: str) -> Iterator[str]:
         The remark.
     """
     percent, size = 100 * share, np.abs(share)
-    whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
-    if whole or np.mean(size) > UNSUSTAINABLE_TORQUE_RATIO:
+    whole_percents = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
+    if whole_percents or np.mean(size) > UNSUSTAINABLE_TORQUE_RATIO:
         yield (
             f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
-            f"{', in whole numbers' if whole else ''}: are the values ‰, labelled {unit}?"
+            f"{', in whole numbers' if whole_percents else ''}: are the values ‰, labelled {unit}?"
         )
 
 
@@ -627,12 +631,24 @@ def trapezoidal_integral(time: Array, rate: Array) -> Array:
 
 
 def rms(values: Array) -> float:
-    """Return the root mean square of values (n,)."""
+    """Compute the root mean square of values.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Values of any unit.
+    """
     return math.sqrt(np.mean(values**2))
 
 
 def largest_magnitude(values: Array) -> float:
-    """Return the largest magnitude of values (n,)."""
+    """Find the largest magnitude of values.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Values of any unit.
+    """
     return float(np.abs(values).max())
 
 

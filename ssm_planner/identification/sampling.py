@@ -227,7 +227,7 @@ def _quasirandom_points(index: Indices, dimensions: int, shift: float) -> Array:
         Points in [0, 1).
     """
     phi = 2.0
-    for _ in range(60):
+    for _ in range(60):  # The fixed-point iteration converges to rounding.
         phi = (1 + phi) ** (1 / (dimensions + 1))
     steps = phi ** -np.arange(1.0, dimensions + 1)
     return (shift + (index[:, None] + 1) * steps) % 1.0
@@ -236,9 +236,9 @@ def _quasirandom_points(index: Indices, dimensions: int, shift: float) -> Array:
 def _draw_weighted_sets(model: MapModel, mixture: Mixture, index: Indices, shift: float) -> Array:
     """Draw parameter sets from a mixture, and weight them such that they represent the posterior.
 
-    The points belong in turn to the prior and to each t-distribution of the mixture. These have two
-    degrees of freedom, because their quantiles then have a closed form. The weight of a set is the
-    ratio of the posterior to the density with which the set was drawn.
+    The points belong in turn to the prior and to each t-distribution of the mixture. These
+    have two degrees of freedom, because their quantiles then have a closed form. The weight of a
+    set is the ratio of the posterior to the density with which the set was drawn.
 
     Parameters
     ----------
@@ -261,10 +261,12 @@ def _draw_weighted_sets(model: MapModel, mixture: Mixture, index: Indices, shift
 
     u = _quasirandom_points(index, len(model.names), shift)
     curved = u[:, ~model.linear]
+    # Quantiles of the normal distribution and of Student's t with two degrees of freedom.
     y, quantile = ndtri(curved), (2 * curved - 1) / np.sqrt(2 * curved * (1 - curved))
-    turn = index % (len(mixture) + 1)
+    # Points with the last remainder belong to the prior.
+    component = index % (len(mixture) + 1)
     for k, (mean, root) in enumerate(mixture):
-        y[turn == k] = mean + quantile[turn == k] @ root.T
+        y[component == k] = mean + quantile[component == k] @ root.T
     densities = [_log_normal(y)]
     for mean, root in mixture:
         t = (y - mean) @ np.linalg.inv(root).T
@@ -409,28 +411,81 @@ def _halve_group(group: Indices, y: Array, weight: Array) -> list[Indices]:
 
 
 def _principal_order(y: Array, weight: Array) -> Indices:
-    """Return the indices (points,) that sort points along their longest principal axis.
+    """Sort points along their longest principal axis.
 
-    The axis is the eigenvector of the covariance of the points y (points, d), with weights
-    (points,), that has the largest eigenvalue.
+    The axis is the eigenvector of the covariance of the points that has the largest eigenvalue.
+
+    Parameters
+    ----------
+    y : (points, d) array
+        Coordinates of the points.
+    weight : (points,) array
+        Weights of the points.
+
+    Returns
+    -------
+    (points,) array of int
+        Indices of the points in this order.
     """
-    return np.argsort(y @ np.linalg.eigh(_weighted_moments(y, weight)[1])[1][:, -1:].sum(axis=1))
+    _, covariance = _weighted_moments(y, weight)
+    _, axes = np.linalg.eigh(covariance)  # in the order of increasing eigenvalues
+    # The sum over one column is the last axis, or 0 without coordinates.
+    return np.argsort(y @ axes[:, -1:].sum(axis=1))
 
 
 def _weighted_moments(values: Array, weight: Array) -> tuple[Array, Array]:
-    """Return the mean (d,) and the covariance (d, d) of values (sets, d) with weights (sets,)."""
+    """Compute the mean and the covariance of weighted values.
+
+    Parameters
+    ----------
+    values : (sets, d) array
+        Values of d quantities.
+    weight : (sets,) array
+        Weights ≥ 0, whose sum is arbitrary.
+
+    Returns
+    -------
+    mean : (d,) array
+        Weighted mean.
+    covariance : (d, d) array
+        Weighted covariance.
+    """
     mean = weight @ values / weight.sum()
     deviation = values - mean
     return mean, (deviation.T * weight) @ deviation / weight.sum()
 
 
 def _log_normal(z: Array) -> Array:
-    """Return the logarithm of the standard normal density, (sets,), at z (sets, d)."""
+    """Compute the logarithm of the density of the standard normal distribution.
+
+    Parameters
+    ----------
+    z : (sets, d) array
+        Points in d dimensions.
+
+    Returns
+    -------
+    (sets,) array
+        Logarithms of the densities.
+    """
     return -0.5 * np.sum(z * z + math.log(2 * math.pi), axis=1)
 
 
 def _log_t(x: Array, degrees: float) -> Array:
-    """Return the logarithm of the density of Student's t-distribution at x, in the shape of x."""
+    """Compute the logarithm of the density of Student's t-distribution.
+
+    Parameters
+    ----------
+    x : array
+        Values, of any shape.
+    degrees : float
+        Degrees of freedom.
+
+    Returns
+    -------
+    array of the same shape
+        Logarithms of the densities.
+    """
     half = 0.5 * (degrees + 1)
     constant = math.lgamma(half) - math.lgamma(0.5 * degrees) - 0.5 * math.log(degrees * math.pi)
     return constant - half * np.log1p(x * x / degrees)

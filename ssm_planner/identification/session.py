@@ -93,12 +93,20 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> Iterator[str]
 
 
 def _rank_correlation(a: Array, b: Array) -> float:
-    """Return Spearman's rank correlation of two quantities a and b, (n,) each.
+    """Compute Spearman's rank correlation of two quantities.
 
-    It is ±1 if one quantity rises or falls whenever the other one rises. It is 0 if one is
-    constant.
+    Parameters
+    ----------
+    a, b : (n,) arrays
+        Values of both quantities.
+
+    Returns
+    -------
+    float
+        1 if both quantities always rise together, −1 if one always falls when the other rises, and
+        0 if one of them is constant.
     """
-    from scipy.stats import spearmanr
+    from scipy.stats import spearmanr  # It takes long to import.
 
     if not (np.ptp(a) and np.ptp(b)):
         return 0.0
@@ -106,9 +114,18 @@ def _rank_correlation(a: Array, b: Array) -> float:
 
 
 def _duration_text(seconds: float) -> str:
-    """Describe a duration in s in the unit that suits it: minutes, hours or days.
+    """Describe a duration in minutes, hours or days.
 
-    A unit is used for at least two of it. Shorter durations are in minutes.
+    Parameters
+    ----------
+    seconds : float
+        Duration, s.
+
+    Returns
+    -------
+    str
+        Text such as "3 hours". The unit is the largest one that the duration contains at least
+        twice, or minutes.
     """
     for unit, size in (("days", 86400.0), ("hours", 3600.0)):
         if seconds >= 2 * size:

@@ -133,6 +133,7 @@ class TorqueMap:
         """
         opposite = np.empty(len(self.w))
         for side in (self.w > 0, self.w < 0):
+            # Negated speeds of the other direction are in increasing order after reversal.
             mirrored_w, mirrored_tau = -self.w[~side][::-1], self.tau[~side][::-1]
             opposite[side] = np.interp(self.w[side], mirrored_w, mirrored_tau)
         return (self.tau - opposite) / 2
@@ -214,7 +215,7 @@ def rest_mask(time: Array, w: Array) -> Mask:
 
 
 def recording_kind(recording: Recording) -> Literal["steady", "start_stop"]:
-    """Distinguish recordings at constant speed from those with starts and stops.
+    """Decide whether a recording has a constant speed or starts and stops.
 
     A recording has starts and stops if each direction has more than 5 % of the sum of all |speeds|,
     or if the motor rests almost without torque in more than 5 % of the samples.
@@ -492,6 +493,7 @@ def _outlier_scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, flo
     finite = np.isfinite(distance)
     if not finite.any():
         return np.zeros(len(w)), np.zeros(len(w)), 0.0
+    # The median magnitude of a normal variable is 1/1.4826 times its standard deviation.
     deviation = 1.4826 * float(np.median(np.abs(distance[finite] / spread[finite])))
     deviation = max(deviation, SMALLEST_DEVIATION * float(np.ptp(tau)), 1e-300)
     distance = np.nan_to_num(distance)
