@@ -119,10 +119,11 @@ class MotorVerdict:
         return None if tightest is None else tightest.name
 
     def to_dict(self) -> JsonObject:
-        """Return an entry of `motors` in the output of `size --json`, in SI units.
+        """Return the verdict as a dict, in SI units.
 
-        `margins` and `checks` contain the checks of the motor and of its gear, and `not_checked`
-        names the data that each open check needs.
+        The output of `size --json` contains this dict as an entry of `motors`. `margins` and
+        `checks` contain the checks of the motor and of its gear, and `not_checked` names the data
+        that each undecided check needs.
         """
         checks = (*self.checks, *self.gear)
         return {
@@ -145,11 +146,11 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    motor
+    motor : Motor
         The assessed motor.
-    conditions
+    conditions : Conditions
         Operating conditions, which contain the pause after each repetition.
 
     Returns
@@ -218,9 +219,9 @@ def with_motor(load: JointLoad, motor: Motor) -> tuple[JointLoad, Range | None, 
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Load of the joint with its drive and original motor.
-    motor
+    motor : Motor
         The new motor. If it is the original one, only the motor of the load is set.
 
     Returns
@@ -269,9 +270,9 @@ def motor_friction(load: JointLoad, motor: Motor) -> Range:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Load of the joint with its drive and original motor.
-    motor
+    motor : Motor
         The new motor.
 
     Returns
@@ -284,7 +285,7 @@ def motor_friction(load: JointLoad, motor: Motor) -> Range:
     if load.shaft is not None:
         drive = load.drive
         input_friction = required_friction(drive).b_c / math.prod(
-            x.forwards for x in drive.stages.values()
+            stage.forwards for stage in drive.stages.values()
         )
         return (0.0, input_friction) if torque is None else (torque, torque)
     if torque is None or _is_original_motor(original, motor):
@@ -292,7 +293,8 @@ def motor_friction(load: JointLoad, motor: Motor) -> Range:
     included = no_load_torque(original)
     if included is None:
         return 0.0, torque
-    return (max(torque - included, 0.0),) * 2
+    increase = max(torque - included, 0.0)
+    return increase, increase
 
 
 def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
@@ -304,9 +306,9 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Load of the joint with its drive and original motor.
-    motor
+    motor : Motor
         The new motor.
 
     Returns
@@ -325,9 +327,16 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
 
 
 def _is_original_motor(original: Motor | None, motor: Motor) -> bool:
-    """Return True if a motor is the original one, so that rotor and friction do not change.
+    """Return whether a motor is the original one, so that rotor and friction do not change.
 
     Motors are equal if their names and rotor inertias are equal.
+
+    Parameters
+    ----------
+    original : Motor or None
+        Motor of the joint. None if the joint has no motor.
+    motor : Motor
+        The assessed motor.
     """
     figures = motor.name, motor.rotor_inertia
     return original is not None and (original.name, original.rotor_inertia) == figures
@@ -344,11 +353,11 @@ def motor_limits(
 
     Parameters
     ----------
-    motor, conditions
+    motor, conditions : Motor, Conditions
         The motor and its operating conditions.
-    share
+    share : float
         RMS torque over motion and pause, divided by the RMS torque over the motion alone.
-    heat
+    heat : Heat or None
         Temperatures in the repeated motion, or None if the motor file lacks thermal data.
 
     Returns
@@ -385,7 +394,7 @@ def _peak_torque_limit(
 
     Parameters
     ----------
-    motor, conditions
+    motor, conditions : Motor, Conditions
         The motor and its operating conditions.
 
     Returns
@@ -413,9 +422,9 @@ def _confidence_check(case: JointCase, limits: dict[str, DemandLimit]) -> Check:
 
     Parameters
     ----------
-    case
+    case : JointCase
         Demands of the joint and their range.
-    limits
+    limits : dict of DemandLimit
         Limits of the motor by name of the check.
 
     Returns
@@ -436,6 +445,8 @@ def _confidence_check(case: JointCase, limits: dict[str, DemandLimit]) -> Check:
     probability = _joint_probability(case.band.worst, limits)
     best_probability = _joint_probability(case.band.best, limits)
     margin = (probability - required) / required
+    # The least favourable ends of the ranges give `probability`, and the most favourable ones give
+    # `best_probability`, which must fall below 1 − required before the check fails.
     optimistic = (best_probability - (1 - required)) / required
     check = Check(
         CONFIDENCE_CHECK,
@@ -453,14 +464,19 @@ def _confidence_check(case: JointCase, limits: dict[str, DemandLimit]) -> Check:
 
 
 def _joint_probability(demands: Demands, limits: dict[str, DemandLimit]) -> float:
-    """Return the fraction of the draws of the friction in which every known limit is kept.
+    """Compute the fraction of the draws of the friction in which every known limit is kept.
 
     Parameters
     ----------
-    demands
+    demands : Demands
         Demands (draws,) of the motor.
-    limits
+    limits : dict of DemandLimit
         Limits of the motor by name of the check. Limits of None are ignored.
+
+    Returns
+    -------
+    float
+        Fraction from 0 to 1.
     """
     is_satisfied = [
         factor * getattr(demands, name) <= limit * (1 + MARGIN_TOLERANCE)
@@ -475,11 +491,11 @@ def extrapolation_notes(joint: str, drive: Drive, peak_speed: float) -> list[str
 
     Parameters
     ----------
-    joint
+    joint : str
         Name of the joint.
-    drive
+    drive : Drive
         Drive with its friction.
-    peak_speed
+    peak_speed : float
         Largest speed of the motor, rad/s.
 
     Returns
@@ -505,11 +521,11 @@ def _assumption_notes(load: JointLoad, motor: Motor, conditions: Conditions) -> 
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Load of the joint, which gives the largest speed of the motor.
-    motor
+    motor : Motor
         The motor, whose file may have placeholder figures or lack data.
-    conditions
+    conditions : Conditions
         Operating conditions, which may lack the supply voltage or the current limit.
 
     Returns

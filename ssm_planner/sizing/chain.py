@@ -37,7 +37,13 @@ class DriveChain:
         return in_gearhead or bool(self.gear.of.placeholders)
 
     def load(self, load: JointLoad) -> JointLoad:
-        """Return a load of a joint with this chain instead of the present drive of the joint."""
+        """Return the load of a joint with this chain in place of its present drive.
+
+        Parameters
+        ----------
+        load : JointLoad
+            Load of the joint with its present drive.
+        """
         load = replace(load, drive=self.gear.of)
         return load if self.gearhead is None else with_gearhead(load, self.gearhead.of)
 
@@ -50,9 +56,9 @@ def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Load of the joint with its present drive and motor.
-    gearhead
+    gearhead : Gearhead
         Gearhead of a catalogue.
 
     Returns
@@ -91,6 +97,7 @@ def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
         name: (factors.get(name, 1.0) * low, factors.get(name, 1.0) * high)
         for name, (low, high) in drive.friction_ranges.items()
     }
+    # The rotor of the original motor, whose inertia has the range `rotor`, leaves the former shaft.
     full = drive.input_inertia
     rotor = (0.0, full) if load.motor is None else rotor_range(load.motor)
     low, high = (

@@ -86,7 +86,15 @@ class Check:
 
 
 def open_check(name: str, *needs: str) -> Check:
-    """Build a check that cannot be evaluated because the named data are missing."""
+    """Build a check that cannot be evaluated because data are missing.
+
+    Parameters
+    ----------
+    name : str
+        Name of the check.
+    *needs : str
+        Names of the missing data.
+    """
     return Check(name, needs=" and ".join(needs))
 
 
@@ -97,13 +105,13 @@ def upper_limit_check(
 
     Parameters
     ----------
-    name
+    name : str
         Name of the check.
-    value, limit
+    value, limit : float, float or None
         The quantity and its upper limit, in `unit`. With None, the check is open.
-    unit
+    unit : str
         SI unit.
-    needs
+    needs : str
         Name of the figure that is missing if the limit is None.
     """
     if limit is None:
@@ -167,18 +175,18 @@ class JointCase:
 
         Parameters
         ----------
-        name
+        name : str
             Name of the check.
-        demand
+        demand : DemandName
             Name of the demand.
-        limit
+        limit : float or None
             Upper limit, in the SI unit `unit`. Infinity means that nothing limits the demand. None
             means that the limit is not known, so the check is open.
-        unit
+        unit : str
             Unit of the limit.
-        needs
+        needs : iterable of str
             Names of the data without which the limit is not known.
-        factor
+        factor : float
             Factor on the demand.
         """
         if limit is None:
@@ -213,13 +221,13 @@ class JointCase:
         values : (draws,) array
             Values of the demand for the draws of the friction, without the torque ripple of the
             drive.
-        limit
+        limit : float
             Upper limit in the same unit.
 
         Returns
         -------
         str
-            Description for the reader of the result.
+            Description for the reader of the result, such as "narrower ranges of mu".
         """
         spread = self.spread
         needs = list(spread.rotors)
@@ -244,7 +252,7 @@ class JointCase:
         values : (draws,) array
             Values of the demand for the draws of the friction, without the torque ripple of the
             drive.
-        limit
+        limit : float
             Upper limit in the same unit.
         """
         confidence = self.conditions.confidence
@@ -256,6 +264,8 @@ class JointCase:
         share = (limit - middle) / (end - middle)
         speed = f"at motor speeds up to {self.load.peak_speed * RPM:.0f} rpm"
         count = 0 if posterior is None else posterior.recordings
+        # The width must shrink by the factor `share`, so 1/share² times as many recordings are
+        # needed.
         if count and share**2 * 100 > 1:
             extra = math.ceil(count * (1 / share**2 - 1))
             return f"about {extra} recordings {speed} in addition to the {count} used"
@@ -270,9 +280,9 @@ def gear_case(load: JointLoad, conditions: Conditions) -> JointCase:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    conditions
+    conditions : Conditions
         Operating conditions, which contain the pause and the required confidence.
 
     Returns
@@ -293,12 +303,17 @@ def demand_band(load: JointLoad, spread: FrictionSpread, conditions: Conditions)
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    spread
+    spread : FrictionSpread
         Uncertainty of the friction.
-    conditions
+    conditions : Conditions
         Operating conditions with the number of draws.
+
+    Returns
+    -------
+    Band
+        Demands at the stated friction, and their range.
     """
     if conditions.draws:
         return monte_carlo(load, spread, conditions.draws)
@@ -306,10 +321,19 @@ def demand_band(load: JointLoad, spread: FrictionSpread, conditions: Conditions)
 
 
 def tightest_check(checks: Iterable[Check]) -> Check | None:
-    """Return the check that limits the design, which is the one with the smallest margin.
+    """Find the check that limits the design, that is, the one with the smallest margin.
 
-    A failed check precedes all others, also a check with a smaller margin that is still open. The
-    result is None if no check has a margin.
+    A failed check precedes all others, also an undecided check with a smaller margin.
+
+    Parameters
+    ----------
+    checks : iterable of Check
+        The checks.
+
+    Returns
+    -------
+    Check or None
+        The limiting check. None if no check has a margin.
     """
     evaluated = [check for check in checks if check.margin is not None]
     if evaluated:
@@ -318,7 +342,18 @@ def tightest_check(checks: Iterable[Check]) -> Check | None:
 
 
 def combine_answers(answers: Iterable[bool | None]) -> bool | None:
-    """Combine answers: False if one is False, otherwise None if one is None, otherwise True."""
+    """Combine the answers of several checks into one.
+
+    Parameters
+    ----------
+    answers : iterable of bool or None
+        Answers of the checks. None means not known.
+
+    Returns
+    -------
+    bool or None
+        False if one answer is False, otherwise None if one is None, otherwise True.
+    """
     answers = list(answers)
     if any(answer is False for answer in answers):
         return False
@@ -361,7 +396,7 @@ def gear_checks(case: JointCase) -> tuple[Check, ...]:
 
     Parameters
     ----------
-    case
+    case : JointCase
         Load and demands of the joint.
 
     Returns
@@ -401,9 +436,9 @@ def drive_checks(case: JointCase, drive: Drive | None = None) -> tuple[Check, ..
 
     Parameters
     ----------
-    case
+    case : JointCase
         Load and demands of the joint.
-    drive
+    drive : Drive, optional
         Drive whose gear stages are checked, if it has others than the drive of the case.
     """
     drive = drive or case.load.drive
@@ -420,9 +455,9 @@ def stage_checks(case: JointCase, drive: Drive) -> Iterator[Check]:
 
     Parameters
     ----------
-    case
+    case : JointCase
         Case of the torque that passes through the stages, see `JointCase.shaft`.
-    drive
+    drive : Drive
         Drive with the stages. If the drive of `case` lacks a stage, its torque is the one at the
         output of this stage.
 
@@ -435,6 +470,7 @@ def stage_checks(case: JointCase, drive: Drive) -> Iterator[Check]:
     locks = is_certainly_self_locking(case)
     speed = load.peak_speed * drive.ratio / load.drive.ratio
     factor = 1.0
+    # The ratings apply to the RMS over the time in motion, which exceeds that over the whole time.
     in_motion = 1.0 / math.sqrt(max(load.moving_share, 1e-300))
     for name, stage in drive.stages.items():
         ratings = stage.ratings or Ratings()
@@ -455,10 +491,15 @@ def stage_checks(case: JointCase, drive: Drive) -> Iterator[Check]:
 
 
 def is_certainly_self_locking(case: JointCase) -> bool:
-    """Return True if the mesh of a drive is self-locking even at its lowest plausible friction.
+    """Return whether the mesh of a drive is self-locking even at its lowest plausible friction.
 
     The condition is μ/cos θ_n ≥ tan λ, where μ is the friction coefficient, θ_n the pressure angle
     of the thread in its normal section, and λ the lead angle.
+
+    Parameters
+    ----------
+    case : JointCase
+        Load of the joint with its drive, and the uncertainty of the friction.
     """
     drive = case.load.drive
     lowest, _ = case.spread.mu_ends(drive, case.conditions.confidence)
@@ -474,11 +515,11 @@ def critical_speed(length: float, diameter: float, ends: ScrewEnds) -> float:
 
     Parameters
     ----------
-    length
+    length : float
         Free length L, m.
-    diameter
+    diameter : float
         Root diameter d, m.
-    ends
+    ends : ScrewEnds
         Support of both ends.
 
     Returns
@@ -499,11 +540,11 @@ def buckling_load(length: float, diameter: float, ends: ScrewEnds) -> float:
 
     Parameters
     ----------
-    length
+    length : float
         Free length L, m.
-    diameter
+    diameter : float
         Root diameter d, m.
-    ends
+    ends : ScrewEnds
         Support of both ends.
 
     Returns
@@ -525,7 +566,7 @@ def _self_locking_check(case: JointCase) -> Check:
 
     Parameters
     ----------
-    case
+    case : JointCase
         Load of the joint with its drive, and the uncertainty of the friction.
 
     Returns
@@ -563,9 +604,9 @@ def _screw_checks(case: JointCase, ratings: Ratings) -> list[Check]:
 
     Parameters
     ----------
-    case
+    case : JointCase
         Load and demands of the joint.
-    ratings
+    ratings : Ratings
         Free length, root diameter and support of the screw. If one of them is missing, both checks
         are open.
     """

@@ -69,14 +69,23 @@ class Demands:
     """
 
     def array(self) -> Array:
-        """Return the demands as a table (draws, 5) in the order of `DEMAND_NAMES`."""
+        """Return the demands as a table.
+
+        Returns
+        -------
+        (draws, 5) array
+            One column for each demand, in the order of `DEMAND_NAMES`.
+        """
         return np.stack([np.atleast_1d(getattr(self, name)) for name in DEMAND_NAMES], axis=1)
 
     @classmethod
     def from_table(cls, table: Array) -> "Demands":
-        """Build the demands from a table (draws, 5).
+        """Build the demands from a table.
 
-        The columns have the order of `DEMAND_NAMES`.
+        Parameters
+        ----------
+        table : (draws, 5) array
+            One column for each demand, in the order of `DEMAND_NAMES`.
         """
         return cls(*(table[:, i] for i in range(len(DEMAND_NAMES))))
 
@@ -117,9 +126,9 @@ class Band:
 
         Parameters
         ----------
-        name
+        name : DemandName
             Name of the demand.
-        confidence
+        confidence : float
             Probability between 0 and 1.
         """
         return float(np.quantile(getattr(self.worst, name), confidence, method="inverted_cdf"))
@@ -131,15 +140,21 @@ class Band:
 
         Parameters
         ----------
-        name
+        name : DemandName
             Name of the demand.
-        confidence
+        confidence : float
             Probability between 0 and 1.
         """
         return float(np.quantile(getattr(self.best, name), 1 - confidence, method="inverted_cdf"))
 
     def nominal_value(self, name: DemandName) -> float:
-        """Return the demand at the stated friction."""
+        """Return a demand at the stated friction.
+
+        Parameters
+        ----------
+        name : DemandName
+            Name of the demand, one of `DEMAND_NAMES`.
+        """
         return float(getattr(self.nominal, name)[0])
 
     at = Renamed("nominal_value")
@@ -150,7 +165,7 @@ def compute_demands(load: JointLoad) -> Demands:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint. If friction parameters of its drive are columns (draws, 1),
         all draws are evaluated at once.
 
@@ -181,7 +196,7 @@ def _peak_voltage(torque: Array, load: JointLoad) -> Array:
     ----------
     torque : (draws, n) array
         Motor torque at n instants, N·m.
-    load
+    load : JointLoad
         Motion of the joint with its motor.
 
     Returns
@@ -209,9 +224,9 @@ def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    spread
+    spread : FrictionSpread
         Uncertainty of the friction.
 
     Returns
@@ -232,15 +247,33 @@ def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
 
 
 def _load_with(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
-    """Return the load with other friction parameters of its drive, see `drive_with_values`."""
+    """Return a load with other friction parameters of its drive.
+
+    Parameters
+    ----------
+    load : JointLoad
+        Motion and load of the joint.
+    values : mapping of str to float or array
+        New values by name of the parameter. Other parameters keep their values.
+    """
     return replace(load, drive=drive_with_values(load.drive, values))
 
 
 def _corner_demands(load: JointLoad, spread: FrictionSpread) -> Array:
-    """Return the demands (corners, 5) at every combination of the ends of the stated ranges.
+    """Compute the demands at every combination of the ends of the stated ranges.
 
-    The combinations have the order of `FrictionSpread.corners`, and the columns that of
-    `DEMAND_NAMES`.
+    Parameters
+    ----------
+    load : JointLoad
+        Motion and load of the joint.
+    spread : FrictionSpread
+        Uncertainty of the friction, with the ranges of some parameters.
+
+    Returns
+    -------
+    (corners, 5) array
+        One row for each combination in the order of `FrictionSpread.corners`, and one column for
+        each demand in the order of `DEMAND_NAMES`.
     """
     return np.concatenate(
         [compute_demands(_load_with(load, corner)).array() for corner in spread.corners()]
@@ -259,9 +292,9 @@ def _lower_bound(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Dema
     ----------
     lowest : (draws, 5) array
         Demands of the most favourable corner.
-    load
+    load : JointLoad
         Motion and load of the joint.
-    spread
+    spread : FrictionSpread
         Uncertainty of the friction and of the inertia.
 
     Returns
@@ -275,6 +308,7 @@ def _lower_bound(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Dema
     half_range = (high - low) / 2
     peak = half_range * float(wd.max()) + width
     rms = half_range * float(load.rms(wd)) + width
+    # The hot motor needs the larger voltage per torque.
     volts = peak * voltage_factors(load.motor)[1, 0]
     return Demands.from_table(np.maximum(lowest - [peak, rms, volts, 0.0, 0.0], 0.0))
 
@@ -287,9 +321,9 @@ def _secant_slopes(load: JointLoad, spread: FrictionSpread) -> Array:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    spread
+    spread : FrictionSpread
         Uncertainty of the friction, with mean and standard deviation of each parameter.
 
     Returns
@@ -321,11 +355,11 @@ def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    spread
+    spread : FrictionSpread
         Uncertainty of the friction.
-    count
+    count : int
         Number of draws.
 
     Returns
@@ -338,13 +372,13 @@ def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
     nominal = compute_demands(load)
     at_corners = _corner_demands(load, spread)
     corners = spread.corners()
-    few = select_instants(load)
+    selected_load = select_instants(load)
     deviations = spread.deviations(count)
     finite_demands = np.nan_to_num(at_corners)
     highest_corners = set(finite_demands.argmax(axis=0).tolist())
     lowest_corners = set(finite_demands.argmin(axis=0).tolist())
     tables = {
-        i: _drawn_demands(few, spread, deviations, corners[i])
+        i: _drawn_demands(selected_load, spread, deviations, corners[i])
         for i in highest_corners | lowest_corners
     }
     high = reduce(np.maximum, (tables[i] for i in highest_corners))
@@ -365,9 +399,9 @@ def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
 
     Parameters
     ----------
-    smooth
+    smooth : Demands
         Demands (draws,) without ripple.
-    load
+    load : JointLoad
         Motion and load of the joint.
 
     Returns
@@ -379,11 +413,13 @@ def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
     if posterior is None:
         return smooth
     torque = load.torque()
+    # The ripple is that of the direction with the largest torque.
     ripple = posterior.ripple(1 if torque[np.argmax(np.abs(torque))] >= 0 else -1)
     if ripple is None:
         return smooth
     peak = ripple.draw_peak(np.random.default_rng(RANDOM_SEED), len(smooth.peak_torque))
     peak *= np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
+    # The hot motor needs the larger voltage per torque.
     voltage = smooth.peak_voltage + peak * voltage_factors(load.motor)[1, 0]
     return replace(smooth, peak_torque=smooth.peak_torque + peak, peak_voltage=voltage)
 
@@ -395,13 +431,13 @@ def _drawn_demands(
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint at selected instants.
-    spread
+    spread : FrictionSpread
         Uncertainty of the friction.
     deviations : (draws, k) array
         Draws of the k random parameters minus their means.
-    corner
+    corner : dict of float
         Values of the parameters that have a stated range.
 
     Returns
@@ -436,7 +472,7 @@ def select_instants(load: JointLoad) -> JointLoad:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Load of a joint at n instants.
 
     Returns
@@ -451,10 +487,12 @@ def select_instants(load: JointLoad) -> JointLoad:
     turn = np.flatnonzero(np.diff(load.direction) != 0)
     peaks = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
     peaks = peaks[np.argsort(size[peaks])[-20:]]
-    every = np.arange(0, len(torque), max(len(torque) // MONTE_CARLO_INSTANTS, 1))
+    evenly_spaced = np.arange(0, len(torque), max(len(torque) // MONTE_CARLO_INSTANTS, 1))
     extremes = np.array(
         [np.argmax(np.abs(values)) for values in (torque, load.effort(), load.qd)]
         + [len(torque) - 1]
     )
-    keep = np.unique(np.concatenate([every, jump, jump + 1, turn, turn + 1, peaks, extremes]))
+    keep = np.unique(
+        np.concatenate([evenly_spaced, jump, jump + 1, turn, turn + 1, peaks, extremes])
+    )
     return load.subset(keep)

@@ -17,20 +17,27 @@ from ssm_planner.typing import record
 
 
 def back_and_forth(stroke: Stroke) -> Trajectory:
-    """Build the trajectory that moves a joint from centre − reach to centre + reach and back.
+    """Build the trajectory that moves a joint back and forth at full acceleration and speed.
 
-    All other joints are at rest. The phases are named "forth" and "back". Each has a trapezoidal
-    velocity profile, or a triangular profile if the distance is too short to reach full speed.
+    The joint moves from centre − reach to centre + reach and back, and all other joints are at
+    rest. The phases are named "forth" and "back". Each has a trapezoidal velocity profile, or a
+    triangular profile if the distance is too short to reach full speed.
 
     Parameters
     ----------
-    stroke
+    stroke : Stroke
         Joint, centre and reach (rad or m), velocity, acceleration, and positions of the other
         joints.
+
+    Returns
+    -------
+    Trajectory
+        The motion forth and back, which starts at time 0.
     """
     joint = JOINTS.index(stroke.joint)
     acceleration = stroke.acceleration
     distance = 2 * stroke.reach
+    # Durations of the acceleration and of the motion at constant speed.
     ramp = min(stroke.velocity / acceleration, math.sqrt(distance / acceleration))
     cruise = distance / stroke.velocity - ramp
     forth = [(ramp, acceleration), (cruise, 0.0), (ramp, -acceleration)]
@@ -56,7 +63,18 @@ PAUSE_OF_SINGLE_MOTION = 1e6
 
 
 def pause_after_motion(problem: Problem) -> float:
-    """Return the pause after each repetition of a problem's motion, s."""
+    """Return the pause after each repetition of a problem's motion.
+
+    Parameters
+    ----------
+    problem : Problem
+        Problem with its duty, which is None for a motion that is performed only once.
+
+    Returns
+    -------
+    float
+        Pause, s.
+    """
     return PAUSE_OF_SINGLE_MOTION if problem.duty is None else problem.duty
 
 
@@ -81,12 +99,28 @@ class DutyCycle:
     def of_trajectory(
         cls, trajectory: Trajectory, robot: Robot, name: str = "motion"
     ) -> "DutyCycle":
-        """Build a duty cycle from one motion, in which all joints are sized."""
+        """Build a duty cycle from one motion, in which all joints are sized.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            The motion.
+        robot : Robot
+            Robot that performs the motion.
+        name : str
+            Name for messages and results.
+        """
         return cls(name, robot, ((trajectory, None),))
 
     @classmethod
     def of_motorisation(cls, motorisation: Motorisation) -> "DutyCycle":
-        """Build a duty cycle that moves single joints back and forth."""
+        """Build a duty cycle that moves single joints back and forth.
+
+        Parameters
+        ----------
+        motorisation : Motorisation
+            Robot and strokes, that is, the joints with their ranges, speeds and accelerations.
+        """
         runs = tuple((back_and_forth(stroke), stroke.joint) for stroke in motorisation.strokes)
         return cls(motorisation.name, motorisation.robot, runs)
 
@@ -95,7 +129,7 @@ class DutyCycle:
 
         Parameters
         ----------
-        payload
+        payload : float
             Point mass at the tool tip, kg.
 
         Returns
@@ -125,12 +159,17 @@ def no_drive_error(joint: str, file: str | None = None, motor: str | None = None
 
     Parameters
     ----------
-    joint
+    joint : str
         Name of the joint.
-    file
+    file : str, optional
         File of the robot.
-    motor
+    motor : str, optional
         Name of the motor.
+
+    Returns
+    -------
+    ProblemError
+        The error, which the caller raises.
     """
     if joint not in JOINTS:
         return ProblemError("no joint of this name", key=joint, allowed=", ".join(JOINTS))

@@ -75,13 +75,13 @@ def compute_heat(
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    motor
+    motor : Motor
         Motor with its thermal data.
-    conditions
+    conditions : Conditions
         Operating conditions with the ambient temperature and the pause after each repetition.
-    worst_rms
+    worst_rms : float
         RMS torque over motion and pause that is not exceeded with the required confidence, N·m.
 
     Returns
@@ -93,8 +93,8 @@ def compute_heat(
         return None
     limit = require_value(motor, "max_winding_temperature")
     model = ThermalModel.from_motor(motor, conditions.ambient)
-    few = select_instants(load)
-    cycle = Cycle.from_torque(few.t, few.torque(), conditions.pause)
+    selected_load = select_instants(load)
+    cycle = Cycle.from_torque(selected_load.t, selected_load.torque(), conditions.pause)
     rms = float(np.sqrt(cycle.mean(cycle.square)))
     # Nothing limits a motor without torque.
     hot = cycle.scaled(worst_rms / rms) if rms > 0 else cycle
@@ -120,11 +120,11 @@ def _largest_torque_factor(model: ThermalModel, cycle: Cycle, limit: float) -> f
 
     Parameters
     ----------
-    model
+    model : ThermalModel
         Thermal model of the motor.
-    cycle
+    cycle : Cycle
         Motor torque over one repetition.
-    limit
+    limit : float
         Largest permitted winding temperature, K.
 
     Returns
@@ -132,13 +132,14 @@ def _largest_torque_factor(model: ThermalModel, cycle: Cycle, limit: float) -> f
     float
         Factor. It is 0 if the ambient temperature reaches the limit.
     """
-    from scipy.optimize import brentq
+    from scipy.optimize import brentq  # SciPy's optimisers take long to import.
 
     allowed = limit - model.ambient
     if allowed <= 0:
         return 0.0
 
     def excess(square: float) -> float:
+        """Compute by how much (K) the winding exceeds its limit for a squared torque factor."""
         temperatures = steady_state(model, cycle.scaled(np.sqrt(square)))
         rise = temperatures.peak - model.ambient if temperatures.steady else np.inf
         return min(rise, 2 * allowed) - allowed

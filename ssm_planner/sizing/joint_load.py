@@ -103,7 +103,7 @@ class JointLoad:
         return float(self.weight[self.direction != 0].sum())
 
     def speed(self) -> Array:
-        """Return the motor speed (n,), rad/s."""
+        """Compute the motor speed (n,) from the joint velocity, rad/s."""
         return self.drive.ratio * self.qd
 
     @property
@@ -112,11 +112,14 @@ class JointLoad:
         return float(np.abs(self.speed()).max())
 
     def acceleration(self) -> Array:
-        """Return the motor acceleration (n,), rad/s²."""
+        """Compute the motor acceleration (n,) from the joint acceleration, rad/s²."""
         return self.drive.ratio * self.qdd
 
     def effort(self) -> Array:
-        """Compute the effort F in the mesh, see `output_effort`.
+        """Compute the effort in the mesh of the drive at every instant.
+
+        The effort is the force of a nut or the torque of a wheel. It moves the bodies, and it
+        overcomes the friction and the inertia of the output side of the drive.
 
         Returns
         -------
@@ -144,7 +147,7 @@ class JointLoad:
 
         Parameters
         ----------
-        function
+        function : callable
             Function of a load with m instants that returns an array (…, m).
 
         Returns
@@ -161,7 +164,13 @@ class JointLoad:
         return result
 
     def _torque(self) -> Array:
-        """Return the exact motor torque of all instants at once, N·m, (n,) or (draws, n)."""
+        """Compute the exact motor torque of all instants at once.
+
+        Returns
+        -------
+        (n,) or (draws, n) array
+            Torques, N·m.
+        """
         torque = motor_torque(
             self.drive,
             self.effort(),
@@ -170,7 +179,8 @@ class JointLoad:
             direction=self.direction,
             mu=self.coefficient(),
         )
-        return torque + self.motor_friction[1] * self.direction
+        _, largest_friction = self.motor_friction
+        return torque + largest_friction * self.direction
 
     def coefficient(self) -> Array:
         """Compute the kinetic friction coefficient μ of the mesh at every instant.
@@ -191,7 +201,18 @@ class JointLoad:
         return np.where(self.breakaway > 0, np.asarray(breakaway_coefficient(friction, w)), mu)
 
     def rms(self, value: Array) -> Array:
-        """Return the root mean square over the motion of values (n,) or (draws, n)."""
+        """Compute the root mean square of a quantity over the motion.
+
+        Parameters
+        ----------
+        value : (n,) or (draws, n) array
+            Values at the instants.
+
+        Returns
+        -------
+        () or (draws,) array
+            Root mean squares.
+        """
         return np.sqrt(np.square(value) @ self.weight)
 
     def stretched(self, factor: float) -> "JointLoad":
@@ -202,7 +223,7 @@ class JointLoad:
 
         Parameters
         ----------
-        factor
+        factor : float
             New duration divided by the present one.
         """
         return replace(
@@ -215,24 +236,24 @@ class JointLoad:
             duration=factor * self.duration,
         )
 
-    def interpolate(self, load: "JointLoad", share: float) -> "JointLoad":
+    def interpolate(self, target: "JointLoad", share: float) -> "JointLoad":
         """Interpolate or extrapolate linearly between this load and another one.
 
         Efforts are linear in the masses, so the interpolation between two payloads is exact.
 
         Parameters
         ----------
-        load
+        target : JointLoad
             Load of the same motion with another payload.
-        share
-            Position between both loads: 0 gives this load and 1 gives `load`. Values above 1
+        share : float
+            Position between both loads: 0 gives this load and 1 gives `target`. Values above 1
             extrapolate.
         """
         names = ("inertia", "velocity", "gravity")
         return replace(
             self,
             **{
-                name: getattr(self, name) + share * (getattr(load, name) - getattr(self, name))
+                name: getattr(self, name) + share * (getattr(target, name) - getattr(self, name))
                 for name in names
             },
         )
@@ -249,7 +270,13 @@ class JointLoad:
         return replace(self, **columns | {"weight": _trapezoidal_weights(columns["t"])})
 
     def _columns(self, rows: slice | Indices) -> Keywords:
-        """Return the arrays of some instants by the name of the field."""
+        """Return the arrays of some instants by the name of the field.
+
+        Parameters
+        ----------
+        rows : slice or (m,) array of int
+            The instants.
+        """
         return {name: getattr(self, name)[rows] for name in ("t", *JOINT_COLUMNS, "weight")}
 
     at = Renamed("subset")
@@ -262,11 +289,11 @@ def joint_loads(
 
     Parameters
     ----------
-    trajectory
+    trajectory : Trajectory
         The motion.
-    robot
+    robot : Robot
         Robot whose joints move.
-    rate
+    rate : float
         Sampling rate (Hz). The instants have at least this rate, within the limits of
         `MOST_INSTANTS` and `INSTANTS_PER_PIECE`. They include every start, turn and arrival of a
         joint.
@@ -322,13 +349,13 @@ def _sampling_instants(
 
     Parameters
     ----------
-    trajectory
+    trajectory : Trajectory
         The motion.
-    robot
+    robot : Robot
         Robot with the velocity limits of the joints.
-    rate
+    rate : float
         Sampling rate, Hz.
-    section
+    section : slice
         Indices of the pieces to divide.
 
     Returns
@@ -341,23 +368,31 @@ def _sampling_instants(
         True at the first and at the last instant of each part.
     """
     index, start, end = _split_at_reversals(trajectory, robot, rate, section)
-    most = _max_instants(len(trajectory.breaks))
-    counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, most) + 2
-    stretch, k = part_indices(counts)
+    max_count = _max_instants(len(trajectory.breaks))
+    counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, max_count) + 2
+    part, k = part_indices(counts)
     # The first two instants coincide: breakaway, and the motion just after it.
-    share = np.maximum(k - 1, 0) / (counts[stretch] - 2)
-    local = np.where(share == 1.0, end[stretch], start[stretch] + share * (end - start)[stretch])
-    return index[stretch], local, k == 0, k == counts[stretch] - 1
+    share = np.maximum(k - 1, 0) / (counts[part] - 2)
+    local = np.where(share == 1.0, end[part], start[part] + share * (end - start)[part])
+    return index[part], local, k == 0, k == counts[part] - 1
 
 
 def _max_instants(breaks: int) -> int:
-    """Return the largest number of instants per piece of a motion with `breaks` breaks.
+    """Compute the largest number of instants per piece of a motion.
 
-    The limits are those of `INSTANTS_PER_PIECE`.
+    Parameters
+    ----------
+    breaks : int
+        Number of breaks of the motion, that is, of its pieces plus 1.
+
+    Returns
+    -------
+    int
+        The number, within the limits that `INSTANTS_PER_PIECE` describes.
     """
     fewest, usual, largest = INSTANTS_PER_PIECE
-    most = max(MOST_INSTANTS // breaks, min(usual, 10 * MOST_INSTANTS // breaks))
-    return int(np.clip(most, fewest, largest))
+    count = max(MOST_INSTANTS // breaks, min(usual, 10 * MOST_INSTANTS // breaks))
+    return int(np.clip(count, fewest, largest))
 
 
 def _split_at_reversals(
@@ -370,13 +405,13 @@ def _split_at_reversals(
 
     Parameters
     ----------
-    trajectory
+    trajectory : Trajectory
         The motion.
-    robot
+    robot : Robot
         Robot with the velocity limits of the joints, which define the speeds that count as rest.
-    rate
+    rate : float
         Sampling rate, Hz.
-    section
+    section : slice
         Indices of the pieces to divide.
 
     Returns
@@ -388,8 +423,8 @@ def _split_at_reversals(
     """
     all_lengths = np.diff(trajectory.breaks)
     lengths = all_lengths[section]
-    most = _max_instants(len(trajectory.breaks))
-    counts = np.clip(np.ceil(lengths * rate).astype(int), 4, most) + 1
+    max_count = _max_instants(len(trajectory.breaks))
+    counts = np.clip(np.ceil(lengths * rate).astype(int), 4, max_count) + 1
     piece, k = part_indices(counts)
     local = k / (counts[piece] - 1) * lengths[piece]
     index = section.start + piece
@@ -423,7 +458,7 @@ def _reversal_times(
 
     Parameters
     ----------
-    trajectory
+    trajectory : Trajectory
         The motion.
     index : (n,) array of int
         Polynomial piece in which each reversal occurs.
@@ -441,22 +476,35 @@ def _reversal_times(
         1, DEGREE + 1
     )
 
-    def ahead(t: Array) -> Array:
+    # The velocity is Σ k a_k t^(k − 1).
+    def direction(t: Array) -> Array:
+        """Return the direction (n,) of each joint at the times t (n,)."""
         return np.sign(polyval(t, coefficients.T, tensor=False))
 
-    sign = ahead(low)
+    sign = direction(low)
+    # After 60 bisections, the interval is below the resolution of the times.
     for _ in range(60 if len(index) else 0):
         middle = (low + high) / 2
-        unturned = ahead(middle) == sign
+        unturned = direction(middle) == sign
         low = np.where(unturned, middle, low)
         high = np.where(unturned, high, middle)
     return high
 
 
 def _trapezoidal_weights(t: Array) -> Array:
-    """Return the fraction of the duration that each instant of t (n,) represents, (n,).
+    """Compute the fraction of the duration that each instant represents.
 
-    The trapezoidal rule gives each instant half of both adjacent intervals. The sum is 1.
+    The trapezoidal rule gives each instant half of both adjacent intervals.
+
+    Parameters
+    ----------
+    t : (n,) array
+        Instants in ascending order, s.
+
+    Returns
+    -------
+    (n,) array
+        Fractions with the sum 1.
     """
     half = np.diff(t, prepend=t[0], append=t[-1]) / 2
     weight = half[1:] + half[:-1]

@@ -67,12 +67,33 @@ class Conditions(Value):
 
 
 def missing_data(motor: Motor, *names: str) -> tuple[str, ...]:
-    """Return the names of the values that the motor file does not state."""
+    """Return the names of the values that a motor file does not state.
+
+    Parameters
+    ----------
+    motor : Motor
+        The motor.
+    *names : str
+        Names of its attributes.
+    """
     return tuple(name for name in names if getattr(motor, name) is None)
 
 
 def require_value(motor: Motor, name: str) -> float:
-    """Return a value of the motor file. Raises ProblemError if the file does not state it."""
+    """Return a value of a motor, which its file must state.
+
+    Parameters
+    ----------
+    motor : Motor
+        The motor.
+    name : str
+        Name of the attribute.
+
+    Raises
+    ------
+    ProblemError
+        If the file does not state the value.
+    """
     value = getattr(motor, name)
     if value is None:
         raise ProblemError("missing: this value is needed", file=motor.file, key=name)
@@ -87,14 +108,14 @@ SMALLEST_STARTING_ACCELERATION = 2e4
 
 
 def rotor_range(motor: Motor) -> Range:
-    """Return the range of the rotor inertia that is possible.
+    """Compute the range of the rotor inertia that is possible.
 
-    If the motor file does not state the inertia, the range extends from 0 to the nominal torque
-    divided by `SMALLEST_STARTING_ACCELERATION`. Both ends are equal if it does.
+    If the motor file states the inertia, both ends are equal to it. Otherwise, the range extends
+    from 0 to the nominal torque divided by `SMALLEST_STARTING_ACCELERATION`.
 
     Parameters
     ----------
-    motor
+    motor : Motor
         Motor with its nominal torque and, if known, its rotor inertia.
 
     Returns
@@ -121,7 +142,7 @@ def no_load_torque(motor: Motor | None) -> float | None:
 
     Parameters
     ----------
-    motor
+    motor : Motor or None
         Motor, or None.
 
     Returns
@@ -135,23 +156,67 @@ def no_load_torque(motor: Motor | None) -> float | None:
 
 
 def resistance(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
-    """Return the terminal resistance (ohm) with the winding at a temperature (K)."""
+    """Compute the terminal resistance of a motor at a temperature.
+
+    Parameters
+    ----------
+    motor : Motor
+        Motor with its terminal resistance.
+    temperature : float
+        Temperature of the winding, K.
+
+    Returns
+    -------
+    float
+        Resistance, ohm.
+
+    Raises
+    ------
+    ProblemError
+        If the motor file does not state the resistance.
+    """
     return require_value(motor, "terminal_resistance") * (
         1 + COPPER_COEFFICIENT * (temperature - REFERENCE_TEMPERATURE)
     )
 
 
 def torque_constant(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
-    """Return the torque constant (N·m/A) with the magnets at a temperature (K)."""
+    """Compute the torque constant of a motor at a temperature.
+
+    Parameters
+    ----------
+    motor : Motor
+        Motor with its torque constant.
+    temperature : float
+        Temperature of the magnets, K.
+
+    Returns
+    -------
+    float
+        Torque constant, N·m/A.
+
+    Raises
+    ------
+    ProblemError
+        If the motor file does not state the torque constant.
+    """
     return require_value(motor, "torque_constant") * (
         1 + magnet_coefficient(motor) * (temperature - REFERENCE_TEMPERATURE)
     )
 
 
 def magnet_coefficient(motor: Motor) -> float:
-    """Return the relative change of the torque constant of a motor, 1/K.
+    """Return the relative change of the torque constant of a motor per kelvin.
 
-    Without a value in the motor file, it is `MAGNET_COEFFICIENT`.
+    Parameters
+    ----------
+    motor : Motor
+        The motor.
+
+    Returns
+    -------
+    float
+        Coefficient, 1/K. It is `MAGNET_COEFFICIENT` if the motor file does not state it.
     """
     return (
         MAGNET_COEFFICIENT
@@ -172,11 +237,11 @@ def available_torque(
 
     Parameters
     ----------
-    motor, conditions
+    motor, conditions : Motor, Conditions
         The motor and its operating conditions.
     speed : array of any shape
         Motor speeds ≥ 0, rad/s.
-    temperature
+    temperature : float, optional
         Temperature of winding and magnets, K. The default is 25 °C.
 
     Returns
@@ -206,9 +271,9 @@ def continuous_torque(motor: Motor, ambient: float) -> float | None:
 
     Parameters
     ----------
-    motor
+    motor : Motor
         Motor with its nominal torque.
-    ambient
+    ambient : float
         Ambient temperature, K.
 
     Returns
@@ -237,7 +302,7 @@ def operating_region_shares(
 
     Parameters
     ----------
-    motor, conditions
+    motor, conditions : Motor, Conditions
         The motor and its operating conditions.
     speed, torque : (n,)
         Motor speed, rad/s, and motor torque, N·m.
@@ -276,7 +341,7 @@ def voltage_factors(motor: Motor | None) -> Array:
 
     Parameters
     ----------
-    motor
+    motor : Motor or None
         Motor, or None.
 
     Returns
@@ -295,5 +360,17 @@ def voltage_factors(motor: Motor | None) -> Array:
 
 
 def available_voltage(motor: Motor, conditions: Conditions) -> float | None:
-    """Return the supply voltage (V) of the controller, or else the nominal voltage of the motor."""
+    """Return the voltage that a controller can apply to a motor.
+
+    Parameters
+    ----------
+    motor, conditions : Motor, Conditions
+        The motor and its operating conditions.
+
+    Returns
+    -------
+    float or None
+        Supply voltage or, if it is not stated, the nominal voltage of the motor, V. None if neither
+        is stated.
+    """
     return motor.nominal_voltage if conditions.supply_voltage is None else conditions.supply_voltage

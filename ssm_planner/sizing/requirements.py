@@ -12,6 +12,7 @@ friction of the bearings, and "mesh" for the torque with sliding friction of scr
 entry is `motor_requirements`.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
@@ -114,17 +115,19 @@ class MotorRequirement:
             Attributes `FIGURE_FIELDS` in SI units, with arrays (n,).
         """
         torque = self.torque
-        group = -(-len(torque) // MOST_INSTANTS)
+        group = math.ceil(len(torque) / MOST_INSTANTS)
+        # The last torque is repeated until the groups have equal lengths.
         groups = np.pad(torque, (0, -len(torque) % group), mode="edge").reshape(-1, group)
         extremes = np.concatenate([groups.argmin(axis=1), groups.argmax(axis=1)])
         keep = np.unique(extremes + np.tile(np.arange(0, len(torque), group), 2))
-        few = replace(self, load=self.load.subset(np.minimum(keep, len(torque) - 1)))
-        return SimpleNamespace(**{name: getattr(few, name) for name in FIGURE_FIELDS})
+        thinned = replace(self, load=self.load.subset(np.minimum(keep, len(torque) - 1)))
+        return SimpleNamespace(**{name: getattr(thinned, name) for name in FIGURE_FIELDS})
 
     def to_dict(self) -> JsonObject:
-        """Return an entry of `motors` in the output of `plan --json`, in SI units.
+        """Return the requirement as a dict, in SI units.
 
-        It contains the attributes `RESULT_FIELDS`, and the components of the torque as `split`.
+        The output of `plan --json` contains this dict as an entry of `motors`. It states the
+        attributes `RESULT_FIELDS`, and the components of the torque as `split`.
         """
         return {
             "joint": self.joint,
@@ -142,11 +145,11 @@ def motor_requirements(
 
     Parameters
     ----------
-    trajectory
+    trajectory : Trajectory
         The motion.
-    robot
+    robot : Robot
         Robot that performs the motion.
-    rate
+    rate : float
         Sampling rate, Hz. Both sides of every instant at which a torque may jump are added.
 
     Returns
@@ -165,8 +168,13 @@ def motor_requirement(load: JointLoad) -> MotorRequirement:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
+
+    Returns
+    -------
+    MotorRequirement
+        Peak, mean and RMS values over the motion without pause.
     """
     torque = load.torque()
     speed = load.speed()
@@ -200,9 +208,9 @@ def joule_power(motor: Motor | None, rms_torque: float) -> float | None:
 
     Parameters
     ----------
-    motor
+    motor : Motor or None
         Motor with its electrical data, or None.
-    rms_torque
+    rms_torque : float
         RMS torque, N·m.
 
     Returns
@@ -295,7 +303,7 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint at n instants.
 
     Returns
@@ -322,7 +330,7 @@ def _stacked_components(load: JointLoad) -> Array:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint at n instants.
 
     Returns
@@ -345,18 +353,27 @@ def _stacked_components(load: JointLoad) -> Array:
     input_inertia = motor_torque(lossless, zero, zero, wd, direction=sign)
     output_inertia = _lossless_mesh_torque(lossless, carried, sign)
     load_torque = _lossless_mesh_torque(lossless, load.velocity + load.gravity, sign)
-    in_motor = load.motor_friction[1] * load.direction
-    bearing = in_motor + np.where(
+    motor_friction = load.motor_friction[1] * load.direction
+    bearing = motor_friction + np.where(
         moving, motor_torque(drive_with_bearings, friction_effort, w, zero, direction=sign), 0.0
     )
     total = load.torque()
     effort = load.effort()
-    without = in_motor + np.where(
+    torque_without_mesh_friction = motor_friction + np.where(
         moving,
         motor_torque(drive_with_bearings, effort, w, wd, direction=sign),
         _lossless_mesh_torque(lossless, effort, sign),
     )
-    return np.stack([input_inertia, output_inertia, load_torque, total - without, bearing, total])
+    return np.stack(
+        [
+            input_inertia,
+            output_inertia,
+            load_torque,
+            total - torque_without_mesh_friction,
+            bearing,
+            total,
+        ]
+    )
 
 
 def _lossless_mesh_torque(lossless: Drive, effort: Array, direction: Array) -> Array:
@@ -364,7 +381,7 @@ def _lossless_mesh_torque(lossless: Drive, effort: Array, direction: Array) -> A
 
     Parameters
     ----------
-    lossless
+    lossless : Drive
         Drive without friction.
     effort : (n,) array
         Effort in the mesh, N·m or N.
@@ -389,9 +406,9 @@ def _without_mesh_losses(drive: Drive, **bearings: float) -> Drive:
 
     Parameters
     ----------
-    drive
+    drive : Drive
         Drive with its friction and gear stages.
-    **bearings
+    **bearings : float
         Friction parameters of the bearings that are replaced, such as b_c=0.0.
     """
     friction = unchecked_copy(

@@ -126,9 +126,9 @@ class JointSelection:
 
         Parameters
         ----------
-        answer
+        answer : int
             1 (passed), 0 (not known) or −1 (failed).
-        g, m
+        g, m : int
             Indices of the gear and the motor.
 
         Returns
@@ -150,7 +150,7 @@ class JointSelection:
 
         Parameters
         ----------
-        by
+        by : Rank
             "mass" or "length" of motor, gearhead and gear together, nominal "torque" of the motor
             (each the smallest first), or smallest "margin" of the checks of the motor (the largest
             first).
@@ -161,14 +161,14 @@ class JointSelection:
             Indices (g, m) of gear and motor of each pair.
         """
         adequate = self.adequate
-        of_motors = self._of_motors
+        motor_answers = self._of_motors
         key = self._key(by)
         nominal = [candidate.of.nominal_torque for candidate in self.motors]
         return sorted(
             ((int(g), int(m)) for g, m in np.argwhere(adequate >= 0)),
             key=lambda pair: (
                 -adequate[pair],
-                -of_motors[pair],
+                -motor_answers[pair],
                 key[pair],
                 nominal[pair[1]],
                 pair,
@@ -176,15 +176,22 @@ class JointSelection:
         )
 
     def _key(self, by: Rank) -> Array:
-        """Return the numbers (gears, motors) by which `ranked` sorts the pairs in ascending order.
+        """Compute the numbers by which `ranked` sorts the pairs in ascending order.
 
-        The key is infinite if a part of the pair does not state the quantity. If no gear states it,
-        the gears cannot be compared, and they count as 0, so that only motors and gearheads matter.
+        The number is infinite if a part of the pair does not state the quantity. If no gear states
+        it, the gears cannot be compared, and they count as 0, so that only motors and gearheads
+        matter.
 
         Parameters
         ----------
-        by
-            Quantity of the key. For "margin", the key is the negative of the smallest margin.
+        by : Rank
+            Quantity of the numbers: "mass", "length", "torque" or "margin". For "margin", the
+            number is the negative of the smallest margin.
+
+        Returns
+        -------
+        (gears, motors) array
+            One number for each pair.
         """
         if by == "margin":
             return np.nan_to_num(-np.min(list(self.margins.values()), axis=0), nan=np.inf)
@@ -202,7 +209,18 @@ class JointSelection:
         return np.nan_to_num(np.add.outer(gear + gearhead, motor), nan=np.inf)
 
     def verdict(self, g: int, m: int) -> MotorVerdict:
-        """Assess one pair by `assess`, which computes all margins and the temperatures."""
+        """Assess one pair in full, with all margins and the temperatures.
+
+        Parameters
+        ----------
+        g, m : int
+            Indices of the gear and the motor.
+
+        Returns
+        -------
+        MotorVerdict
+            Result of `assess` for this pair.
+        """
         return assess(self.gears[g].load(self.load), self.motors[m].of, self.conditions)
 
     def reasons(self) -> dict[str, int]:
@@ -230,7 +248,7 @@ class JointSelection:
 
         Parameters
         ----------
-        g, m
+        g, m : int
             Indices of the gear and the motor.
 
         Returns
@@ -249,13 +267,15 @@ class JointSelection:
         ) / motor.rotor_inertia
 
     def to_dict(self, rank: Rank, count: int) -> JsonObject:
-        """Return an entry of `selection` in the output of `size --json`, in SI units.
+        """Return the assessment as a dict, in SI units.
+
+        The output of `size --json` contains this dict as an entry of `selection`.
 
         Parameters
         ----------
-        rank
-            Quantity by which the pairs are sorted, see `ranked`.
-        count
+        rank : Rank
+            Quantity by which the pairs are sorted: "mass", "length", "torque" or "margin".
+        count : int
             Number of pairs that are described in full under `best`.
         """
         adequate = self.adequate
@@ -273,12 +293,12 @@ class JointSelection:
         }
 
     def _table(self, answer: int) -> list[list[list[str]]]:
-        """Return, for each pair, the names of the checks that make the pair fail or leave it open.
+        """List the names of the checks that make each pair fail or leave it undecided.
 
         Parameters
         ----------
-        answer
-            −1 for pairs that fail, or 0 for pairs that are open.
+        answer : int
+            −1 for pairs that fail, or 0 for undecided pairs.
 
         Returns
         -------
@@ -302,7 +322,7 @@ class JointSelection:
 
         Parameters
         ----------
-        g, m
+        g, m : int
             Indices of the gear and the motor.
 
         Returns
@@ -343,17 +363,17 @@ def select_motors(
 
     Parameters
     ----------
-    duty
+    duty : DutyCycle
         Motions of one robot.
-    motors
+    motors : sequence of CatalogueEntry of Motor
         Candidate motors.
-    gears
+    gears : mapping of str to sequence of CatalogueEntry of Drive
         Candidate gears by joint. A joint without an entry keeps its present drive.
-    conditions
+    conditions : Conditions, optional
         Operating conditions. The default is `Conditions()`.
-    payload
+    payload : float
         Point mass at the tip, kg.
-    gearheads
+    gearheads : sequence of CatalogueEntry of Gearhead
         Candidate gearheads between motor and gear. Each gear is also assessed without a gearhead.
 
     Returns
@@ -384,9 +404,9 @@ def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
 
     Parameters
     ----------
-    duty
+    duty : DutyCycle
         Motions of one robot.
-    payload
+    payload : float
         Point mass at the tip, kg.
 
     Returns
@@ -396,7 +416,10 @@ def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
     """
     body = RigidBody.from_robot(with_payload(duty.robot, payload))
     q = np.concatenate(
-        [run.sample(np.linspace(0, run.duration, INERTIA_INSTANTS)).q for run, _ in duty.runs]
+        [
+            motion.sample(np.linspace(0, motion.duration, INERTIA_INSTANTS)).q
+            for motion, _ in duty.runs
+        ]
     )
     diagonal = np.max([np.diag(matrix) for matrix in body.mass_matrix(q)], axis=0)
     return dict(zip((joint.name for joint in duty.robot.joints), map(float, diagonal), strict=True))
@@ -411,9 +434,9 @@ def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    motor
+    motor : Motor
         Motor with its electrical data.
 
     Returns
@@ -441,13 +464,13 @@ def select_joint(
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    motors, gears, gearheads
+    motors, gears, gearheads : sequences of CatalogueEntry
         Candidate motors, gears and gearheads.
-    conditions
+    conditions : Conditions
         Operating conditions.
-    inertia
+    inertia : float
         Largest inertia of the moved bodies about the joint's axis, kg·m² or kg. It is reported in
         the ratio of inertias and does not affect the checks. The default, NaN, means not known.
 
@@ -456,7 +479,7 @@ def select_joint(
     JointSelection
         Answers and margins of all pairs. Each gear is followed by its combinations with gearheads.
     """
-    fleet = _MotorData(
+    motor_data = _MotorData(
         [candidate.of for candidate in motors], conditions, load.duration + conditions.pause
     )
     chains: list[DriveChain] = []
@@ -464,7 +487,7 @@ def select_joint(
     for gear in gears:
         group = [DriveChain(gear, gearhead) for gearhead in (None, *gearheads)]
         chains += group
-        rows += _assess_gear([chain.load(load) for chain in group], fleet, conditions)
+        rows += _assess_gear([chain.load(load) for chain in group], motor_data, conditions)
     answers, margins, of_gear = zip(*rows, strict=True)
     return JointSelection(
         load,
@@ -499,11 +522,11 @@ class _MotorData:
 
         Parameters
         ----------
-        motors
+        motors : sequence of Motor
             Candidate motors.
-        conditions
+        conditions : Conditions
             Operating conditions.
-        period
+        period : float
             Duration of the motion and its pause, s.
         """
         self.motors = motors
@@ -515,7 +538,18 @@ class _MotorData:
         ).T
 
     def limit(self, name: str) -> Array:
-        """Return the upper limits (m,) of the check `name` for all motors. NaN if not known."""
+        """Return the upper limits of one check for all motors.
+
+        Parameters
+        ----------
+        name : str
+            Name of the check: "torque", "continuous_torque", "voltage" or "heat".
+
+        Returns
+        -------
+        (m,) array
+            Limits in the SI unit of the check. NaN if not known.
+        """
         bounds = (limits[name][2] for limits in self.limits)
         return np.array([np.nan if limit is None else limit for limit in bounds])
 
@@ -523,24 +557,16 @@ class _MotorData:
 def _certain_torques(motor: Motor, conditions: Conditions, period: float) -> tuple[float, float]:
     """Compute two RMS torques between which the thermal check must be evaluated in full.
 
-    The check certainly passes below the first torque and certainly fails above the second one. Both
-    hold for any motion that repeats with this period. They rest on two facts: the winding
-    temperature responds to power by two decaying modes with positive amplitudes, and the loss grows
-    with the temperature.
-
-    For a given mean power, the winding becomes hottest if all energy of a period enters at one
-    instant. The first torque gives a temperature just below the limit in this case, with the
-    resistance of the hottest permitted winding. Just before such an instant, the winding has the
-    lowest temperature that is possible with this mean power. The second torque follows from this
-    lowest temperature and from the loss at this temperature, which is the smallest possible loss.
+    The check certainly passes below the first torque and certainly fails above the second one,
+    for any motion that repeats with this period.
 
     Parameters
     ----------
-    motor
+    motor : Motor
         Motor with its thermal data.
-    conditions
+    conditions : Conditions
         Operating conditions, of which the ambient temperature is used.
-    period
+    period : float
         Duration of the motion and its pause, s.
 
     Returns
@@ -549,6 +575,17 @@ def _certain_torques(motor: Motor, conditions: Conditions, period: float) -> tup
         RMS torques over motion and pause, N·m. Both are NaN if thermal data are missing. If the
         ambient temperature nearly reaches the limit, they are −1 and infinity, which decide
         nothing.
+
+    Notes
+    -----
+    Two facts give the bounds. The winding temperature responds to power by two decaying
+    exponentials with positive amplitudes (`ThermalModes`), and the loss grows with the temperature.
+
+    For a given mean power, the winding becomes hottest if all energy of a period enters at one
+    instant. The first torque gives a temperature just below the limit in this case, with the
+    resistance of the hottest permitted winding. Just before such an instant, the winding has the
+    lowest temperature that is possible with this mean power. The second torque follows from this
+    lowest temperature and from the loss at this temperature, which is the smallest possible loss.
     """
     if missing_data(motor, *THERMAL_DATA):
         return np.nan, np.nan
@@ -560,6 +597,8 @@ def _certain_torques(motor: Motor, conditions: Conditions, period: float) -> tup
     modes = ThermalModes.from_network(
         model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing
     )
+    # Thermal resistance of each mode (K/W). Its response to one pulse of heat per period falls from
+    # x/(1 − e^−x) to x/(e^x − 1) times its mean.
     shares = modes.input * modes.shape[0] / -modes.rates
     x = -modes.rates * period
     # Beyond 700, e^x overflows, and the remaining heat of a period is negligible.
@@ -574,6 +613,8 @@ def _certain_torques(motor: Motor, conditions: Conditions, period: float) -> tup
         / float(shares.sum())
         * np.linspace(0.01, 1.0, RUNAWAY_TEMPERATURES)
     )
+    # The torque is 1 N·m, so the power is that per squared torque. The factor 1.001 covers the
+    # distance between two of the temperatures.
     unit = np.ones(RUNAWAY_TEMPERATURES)
     passes = (allowed - TEMPERATURE_MARGIN) / (highest * model.power(unit, limit * unit)[0][0])
     fails = 1.001 * np.max(rise / (lowest * model.power(unit, model.ambient + rise)[0]))
@@ -585,7 +626,7 @@ GearAssessment = tuple[dict[str, Answers], Arrays, tuple[Check, ...]]
 
 
 def _assess_gear(
-    chains: Sequence[JointLoad], fleet: _MotorData, conditions: Conditions
+    chains: Sequence[JointLoad], motor_data: _MotorData, conditions: Conditions
 ) -> Iterator[GearAssessment]:
     """Assess all motors with one gear, without and with gearheads.
 
@@ -596,12 +637,12 @@ def _assess_gear(
 
     Parameters
     ----------
-    chains
+    chains : sequence of JointLoad
         Loads of the joint. The first load has the gear alone, and each other load has one gearhead
         in addition.
-    fleet
+    motor_data : _MotorData
         Data of the motors.
-    conditions
+    conditions : Conditions
         Operating conditions.
 
     Yields
@@ -614,20 +655,22 @@ def _assess_gear(
     if len(chains) > 1 and (case.spread.names or not is_certainly_self_locking(case)):
         # The torque of each chain has another distribution or another form.
         for geared in chains:
-            yield from _assess_gear([geared], fleet, conditions)
+            yield from _assess_gear([geared], motor_data, conditions)
         return
     if case.spread.names:
-        yield _assess_by_draws(load, fleet, conditions, drive_checks(case))
+        yield _assess_by_draws(load, motor_data, conditions, drive_checks(case))
         return
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
     limited = {"torque": 1.0, "continuous_torque": share, "voltage": 1.0}
-    for geared, (highest, lowest) in zip(chains, _demand_ranges(chains, case, fleet), strict=True):
+    for geared, (highest, lowest) in zip(
+        chains, _demand_ranges(chains, case, motor_data), strict=True
+    ):
         checks = drive_checks(case, geared.drive)
-        speed = relative_margin(geared.peak_speed, fleet.max_speed)
+        speed = relative_margin(geared.peak_speed, motor_data.max_speed)
         answers = {"speed": _answers_from_margins(speed, speed)}
         margins = {"speed": speed}
         for (name, factor), high, low in zip(limited.items(), highest, lowest, strict=True):
-            limit = fleet.limit(name)
+            limit = motor_data.limit(name)
             margins[name] = relative_margin(factor * high, limit)
             answers[name] = _answers_from_margins(
                 margins[name], relative_margin(factor * low, limit)
@@ -635,26 +678,26 @@ def _assess_gear(
         fails = np.min(list(answers.values()), axis=0) < 0
         fails |= any(check.passed is False for check in checks)
         band = (share * highest[1], share * lowest[1])
-        answers["heat"] = _heat_answers(geared, fleet, conditions, band=band, fails=fails)
+        answers["heat"] = _heat_answers(geared, motor_data, conditions, band=band, fails=fails)
         combined = np.min([answers[name] for name in (*limited, "heat")], axis=0)
         answers[CONFIDENCE_CHECK] = combined if case.spread.is_stated else 0 * combined
         yield answers, margins, checks
 
 
 def _assess_by_draws(
-    load: JointLoad, fleet: _MotorData, conditions: Conditions, gear: tuple[Check, ...]
+    load: JointLoad, motor_data: _MotorData, conditions: Conditions, gear: tuple[Check, ...]
 ) -> GearAssessment:
     """Assess the motors one by one with `assess`, for friction with a statistical distribution.
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Load of the joint with the gear.
-    fleet
+    motor_data : _MotorData
         Data of the motors (m).
-    conditions
+    conditions : Conditions
         Operating conditions.
-    gear
+    gear : tuple of Check
         Checks of the gear.
 
     Returns
@@ -662,7 +705,7 @@ def _assess_by_draws(
     GearAssessment
         Answers and margins of all motors, and the checks of the gear.
     """
-    checks = [assess(load, motor, conditions).checks for motor in fleet.motors]
+    checks = [assess(load, motor, conditions).checks for motor in motor_data.motors]
     answers, margins = {}, {}
     for of_motors in zip(*checks, strict=True):
         name = of_motors[0].name
@@ -673,7 +716,7 @@ def _assess_by_draws(
 
 
 def _demand_ranges(
-    chains: Sequence[JointLoad], case: JointCase, fleet: _MotorData
+    chains: Sequence[JointLoad], case: JointCase, motor_data: _MotorData
 ) -> Iterator[tuple[Array, Array]]:
     """Compute the largest and the smallest demands on every motor for each chain of a gear.
 
@@ -685,12 +728,12 @@ def _demand_ranges(
 
     Parameters
     ----------
-    chains
+    chains : sequence of JointLoad
         Loads of the joint for k chains. The first one is the load of `case`, which has no gearhead
         of a catalogue, and each other load has one.
-    case
+    case : JointCase
         Load and friction ranges of the gear.
-    fleet
+    motor_data : _MotorData
         Data of the motors (m).
 
     Returns
@@ -699,8 +742,8 @@ def _demand_ranges(
         Arrays (3, m) of the demands for each chain.
     """
     load = case.load
-    inertias = np.array([[shaft_inertia(chain, x) for x in fleet.motors] for chain in chains])
-    friction = np.array([[motor_friction(chain, x) for x in fleet.motors] for chain in chains])
+    inertias = np.array([[shaft_inertia(chain, x) for x in motor_data.motors] for chain in chains])
+    friction = np.array([[motor_friction(chain, x) for x in motor_data.motors] for chain in chains])
     heads = [chain.drive.gearhead for chain in chains[1:]]
     factors_of = [(head.forwards, head.ratio) for head in heads if head is not None]
     forwards, ratio = np.array([(1.0, 1.0), *factors_of]).T[..., None]
@@ -708,22 +751,24 @@ def _demand_ranges(
     demands = []
     for corner in case.spread.corners():
         parts = _torque_parts(load, corner)
+        # The mean square of Σ f_i part_i is fᵀ P f with the mean products P of the parts.
         products = parts[:3] * load.weight @ parts[:3].T
         extremes = np.ascontiguousarray(parts[:, _extreme_instants(parts)])
+        # The first entry is the smallest inertia of each pair, and the second is the largest.
         for inertia in np.moveaxis(np.unique(inertias, axis=2), 2, 0):
             factors = np.stack([forwards * one, ratio * inertia, friction[..., 1]], axis=-1)
             rms = np.sqrt(np.maximum(np.sum(factors @ products * factors, axis=-1), 0.0))
-            peak, volts = _peak_demands(extremes, factors, ratio * one, fleet)
+            peak, volts = _peak_demands(extremes, factors, ratio * one, motor_data)
             demands.append([peak, rms, volts])
     # The demands are convex in the inertia, so between its ends they fall by at most half of its
     # width times |ẇ|. The friction changes them at most by the width of its range.
     half_width = ratio * np.diff(inertias)[..., 0] / 2
     width = np.diff(friction)[..., 0]
     wd = np.abs(load.acceleration())
-    less = half_width * wd.max() + width
-    less_rms = half_width * float(load.rms(wd)) + width
-    less_volts = less * fleet.balance[:, 1, 0]
-    lowest = np.min(demands, axis=0) - [less, less_rms, less_volts]
+    torque_drop = half_width * wd.max() + width
+    rms_drop = half_width * float(load.rms(wd)) + width
+    voltage_drop = torque_drop * motor_data.balance[:, 1, 0]
+    lowest = np.min(demands, axis=0) - [torque_drop, rms_drop, voltage_drop]
     return zip(
         np.max(demands, axis=0).swapaxes(0, 1),
         np.maximum(lowest, 0.0).swapaxes(0, 1),
@@ -732,14 +777,14 @@ def _demand_ranges(
 
 
 def _torque_parts(load: JointLoad, corner: Keywords) -> Array:
-    """Return the quantities whose linear combinations are the torques and voltages of all motors.
+    """Compute four quantities whose linear combinations are the torques and voltages of all motors.
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Load of the joint with the gear, at n instants.
-    corner
-        Values of the friction parameters with a stated range.
+    corner : dict
+        Values of the friction parameters with a stated range, by name.
 
     Returns
     -------
@@ -753,7 +798,7 @@ def _torque_parts(load: JointLoad, corner: Keywords) -> Array:
 
 
 def _extreme_instants(parts: Array) -> Indices:
-    """Return the indices of the instants at which a linear combination of the parts can be extreme.
+    """Find the instants at which a linear combination of the torque parts can be extreme.
 
     A linear function on a set of points is largest at a vertex of their convex hull. The vertices
     are much fewer than the instants, so the peaks of all motors can be computed from them alone.
@@ -761,8 +806,8 @@ def _extreme_instants(parts: Array) -> Indices:
     Parameters
     ----------
     parts : (4, n) array
-        Parts of the torque and the speed, see `_torque_parts`. There is one hull for each direction
-        of motion, which is the third row.
+        Torque without inertia, acceleration, direction and speed, as `_torque_parts` returns them.
+        The hull is computed separately for each direction of motion.
 
     Returns
     -------
@@ -770,7 +815,7 @@ def _extreme_instants(parts: Array) -> Indices:
         Indices of the instants. If a direction has too few instants for a hull, all its distinct
         ones are included.
     """
-    from scipy.spatial import ConvexHull, QhullError
+    from scipy.spatial import ConvexHull, QhullError  # They take long to import.
 
     direction = parts[2]
     indices = []
@@ -781,13 +826,14 @@ def _extreme_instants(parts: Array) -> Indices:
         points = points[np.ptp(points, axis=1) > 0]
         with suppress(QhullError, ValueError):  # too few points for a hull
             points = points / np.abs(points).max(axis=1, keepdims=True)
+            # The option QJ moves the points slightly, so that points in one plane have a hull.
             members = members[ConvexHull(points.T, qhull_options="QJ").vertices]
         indices.append(members)
     return np.concatenate(indices)
 
 
 def _peak_demands(
-    extremes: Array, factors: Array, ratio: Array, fleet: _MotorData
+    extremes: Array, factors: Array, ratio: Array, motor_data: _MotorData
 ) -> tuple[Array, Array]:
     """Compute the peak torque and the peak voltage of every motor with every chain.
 
@@ -799,7 +845,7 @@ def _peak_demands(
         Factors of the first three parts, whose sum is the torque of motor m with chain k.
     ratio : (k, m) array
         Speed of the motor divided by the speed of the gear's shaft.
-    fleet
+    motor_data : _MotorData
         Data of the motors (m).
 
     Returns
@@ -807,7 +853,7 @@ def _peak_demands(
     torques, voltages : (k, m) arrays
         Largest magnitudes (N·m and V). The voltage is the larger one of the cold and the hot motor.
     """
-    per_state = np.moveaxis(fleet.balance, 0, 2)
+    per_state = np.moveaxis(motor_data.balance, 0, 2)
     volts = [
         _largest_magnitudes(np.dstack([per_torque[:, None] * factors, per_speed * ratio]), extremes)
         for per_torque, per_speed in per_state
@@ -816,7 +862,7 @@ def _peak_demands(
 
 
 def _largest_magnitudes(factors: Array, parts: Array) -> Array:
-    """Return the largest magnitude over n instants of each linear combination of parts.
+    """Compute the largest magnitude over n instants of each linear combination of parts.
 
     Parameters
     ----------
@@ -831,13 +877,13 @@ def _largest_magnitudes(factors: Array, parts: Array) -> Array:
         Largest |factors @ parts|.
     """
     # The torques of one chain fit into the processor's cache.
-    torques = (np.einsum("mp,pn->mn", of_chain, parts) for of_chain in factors)
+    torques = (np.einsum("mp,pn->mn", chain_factors, parts) for chain_factors in factors)
     return np.array([np.abs(torque).max(axis=1) for torque in torques])
 
 
 def _heat_answers(
     load: JointLoad,
-    fleet: _MotorData,
+    motor_data: _MotorData,
     conditions: Conditions,
     band: tuple[Array, Array],
     fails: Mask,
@@ -850,11 +896,11 @@ def _heat_answers(
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Load of the joint with the gear.
-    fleet
+    motor_data : _MotorData
         Data of the motors (m).
-    conditions
+    conditions : Conditions
         Operating conditions.
     band : two (m,) arrays
         Largest and smallest RMS torque over motion and pause, N·m.
@@ -867,17 +913,17 @@ def _heat_answers(
         1 passed, 0 not known or not evaluated, −1 failed.
     """
     highest, lowest = band
-    answers = np.where(highest <= fleet.cool, 1, np.where(lowest > fleet.hot, -1, 0)).astype(
-        np.int8
-    )
-    open_ = (
+    answers = np.where(
+        highest <= motor_data.cool, 1, np.where(lowest > motor_data.hot, -1, 0)
+    ).astype(np.int8)
+    needs_evaluation = (
         (answers == 0)
         & ~fails
-        & np.isfinite(fleet.cool)
-        & ~((highest > fleet.hot) & (lowest <= fleet.cool))
+        & np.isfinite(motor_data.cool)
+        & ~((highest > motor_data.hot) & (lowest <= motor_data.cool))
     )
-    for m in np.flatnonzero(open_).tolist():
-        motor = fleet.motors[m]
+    for m in np.flatnonzero(needs_evaluation).tolist():
+        motor = motor_data.motors[m]
         heat = compute_heat(with_motor(load, motor)[0], motor, conditions, highest[m])
         if heat is not None:
             limit = np.array(heat.capacity)
@@ -888,12 +934,12 @@ def _heat_answers(
 
 
 def _answers_from_margins(highest_margin: Array, lowest_margin: Array) -> Answers:
-    """Return the answers for two margins that bound the unknown margin, equal to `Check.passed`.
+    """Convert bounds of a margin into the answers that `Check.passed` gives for single pairs.
 
     Parameters
     ----------
     highest_margin, lowest_margin : (m,) arrays
-        Margins of the highest and of the lowest possible demand. The first one is thus the smaller.
+        Margins at the highest and at the lowest possible demand. The first one is thus the smaller.
 
     Returns
     -------

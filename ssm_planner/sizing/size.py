@@ -67,10 +67,11 @@ class JointSizing:
         return None if None in answers or not answers else False
 
     def gear_dict(self) -> JsonObject:
-        """Return an entry of `gears` in the output of `size --json`, in SI units.
+        """Return the checks of the gear as a dict, in SI units.
 
-        It contains the verdict on the gear, the check with the smallest margin (`binds`), all
-        margins, and the data that open checks need.
+        The output of `size --json` contains this dict as an entry of `gears`. It states the verdict
+        on the gear, the check with the smallest margin (`binds`), all margins, and the data that
+        undecided checks need.
         """
         tightest = tightest_check(self.gear)
         is_stated = None if self.load.drive.placeholders else True
@@ -85,14 +86,15 @@ class JointSizing:
         }
 
     def requirement_dict(self, confidence: float) -> JsonObject:
-        """Return an entry of `requirements` in the output of `size --json`, in SI units.
+        """Return the requirements on the motor as a dict, in SI units.
 
-        The entry `band` contains the range of each demand at the given confidence, or None if the
-        uncertainty of the friction is unknown.
+        The output of `size --json` contains this dict as an entry of `requirements`. Its entry
+        `band` contains the range of each demand at the given confidence, or None if the uncertainty
+        of the friction is unknown.
 
         Parameters
         ----------
-        confidence
+        confidence : float
             Probability with which a demand stays below the upper end of its range, and likewise
             above the lower end.
         """
@@ -148,10 +150,10 @@ class Sizing:
         return tuple(verdict for joint in self.joints for verdict in joint.alternatives)
 
     def to_dict(self) -> JsonObject:
-        """Return the output of `size --json`, in SI units, radians and kelvin.
+        """Return the sizing result as a dict, in SI units, radians and kelvin.
 
-        The entry `smallest` contains the name of the smallest adequate motor of each joint, or
-        None.
+        The command `size --json` prints this dict. Its entry `smallest` contains the name of the
+        smallest adequate motor of each joint, or None.
         """
         return {
             "adequate": self.adequate,
@@ -179,13 +181,13 @@ def size(
 
     Parameters
     ----------
-    duty
+    duty : DutyCycle
         Motions of one robot.
-    candidates
+    candidates : mapping of str to sequence of Motor, optional
         Motors by joint name. A joint without an entry is assessed with its present motor.
-    conditions
+    conditions : Conditions, optional
         Operating conditions. The default is `Conditions()`.
-    payload
+    payload : float
         Point mass at the tip, kg.
 
     Returns
@@ -224,12 +226,17 @@ def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Siz
 
     Parameters
     ----------
-    trajectory
+    trajectory : Trajectory
         The motion.
-    robot
+    robot : Robot
         Robot with its motors.
-    pause
+    pause : float
         Pause after each repetition, s.
+
+    Returns
+    -------
+    Sizing
+        Requirements, checks and verdicts of every joint with a drive.
     """
     conditions = Conditions(pause=pause)
     return Sizing(
@@ -241,17 +248,22 @@ def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Siz
 def _size_joint(
     load: JointLoad, candidates: Sequence[Motor] | None, conditions: Conditions
 ) -> JointSizing:
-    """Compute the requirements and checks of one joint and assess its candidate motors.
+    """Compute the requirements and checks of one joint, and assess its candidate motors.
 
     Parameters
     ----------
-    load
+    load : JointLoad
         Motion and load of the joint.
-    candidates
+    candidates : sequence of Motor or None
         Candidate motors. With None, the present motor of the joint is assessed, and its alternative
         motors in addition.
-    conditions
+    conditions : Conditions
         Operating conditions.
+
+    Returns
+    -------
+    JointSizing
+        Requirements and verdicts. The candidates are in ascending order of their nominal torque.
     """
     substitutes = load.alternatives if candidates is None else ()
     if candidates is None:
@@ -308,13 +320,13 @@ def largest_payload(
 
     Parameters
     ----------
-    duty
+    duty : DutyCycle
         Motions of one robot.
-    motors
+    motors : mapping of str to Motor
         Motors by joint, which replace those of the robot.
-    conditions
+    conditions : Conditions
         Operating conditions.
-    payload
+    payload : float
         Point mass that is at the tip already, kg.
 
     Returns
@@ -326,6 +338,7 @@ def largest_payload(
     loaded = duty.loads(payload + 1.0)
 
     def judge(mass: float) -> _SmallestMargin:
+        """Find the smallest margin with an additional mass (kg) at the tip."""
         return _find_smallest_margin(
             [a.interpolate(b, mass) for a, b in zip(empty, loaded, strict=True)], motors, conditions
         )
@@ -343,13 +356,13 @@ def shortest_duration(
 
     Parameters
     ----------
-    duty
+    duty : DutyCycle
         Motions of one robot.
-    motors
+    motors : mapping of str to Motor
         Motors by joint, which replace those of the robot.
-    conditions
+    conditions : Conditions
         Operating conditions.
-    payload
+    payload : float
         Point mass at the tip, kg.
 
     Returns
@@ -361,6 +374,7 @@ def shortest_duration(
     loads = duty.loads(payload)
 
     def judge(speed: float) -> _SmallestMargin:
+        """Find the smallest margin of the motion at a multiple of its speed."""
         return _find_smallest_margin(
             [load.stretched(1.0 / speed) for load in loads], motors, conditions
         )
@@ -386,11 +400,11 @@ def _find_smallest_margin(
 
     Parameters
     ----------
-    loads
+    loads : sequence of JointLoad
         Loads of the joints.
-    motors
+    motors : mapping of str to Motor
         Motors by joint, which replace those of the robot.
-    conditions
+    conditions : Conditions
         Operating conditions.
 
     Returns
@@ -424,9 +438,9 @@ def _search_largest(
 
     Parameters
     ----------
-    judge
+    judge : callable
         Function that returns the smallest margin for a value.
-    lower, upper
+    lower, upper : float
         Ends of the search. The status is "never" if a margin is negative at `lower`, and
         "unlimited" if no margin is negative at `upper`.
 

@@ -70,12 +70,12 @@ class ThermalModes:
 
         Parameters
         ----------
-        r_inner, r_outer
+        r_inner, r_outer : float
             Thermal resistances from the inner to the outer body, and from the outer body to
             ambient, K/W.
-        c_inner, c_outer
+        c_inner, c_outer : float
             Heat capacities, J/K.
-        gain
+        gain : float
             Additional power per kelvin of the inner body, W/K. It represents the loss that grows
             with the winding temperature.
         """
@@ -97,15 +97,48 @@ class ThermalModes:
         return bool(self.rates.max() >= 0.0)
 
     def decay(self, t: Array | float) -> Array:
-        """Return the fraction of each mode that remains after times t (n,) in s, (2, n)."""
+        """Compute the fraction of each mode that remains after given times without power.
+
+        Parameters
+        ----------
+        t : float or (n,) array
+            Times, s.
+
+        Returns
+        -------
+        (2, n) array
+            Fractions. n is 1 for a single time.
+        """
         return np.exp(self.rates[:, None] * np.atleast_1d(t))
 
     def temperatures(self, states: Array) -> Array:
-        """Return the temperatures (2, n) of both bodies above ambient (K) for modes (2, n)."""
+        """Convert modes into temperatures.
+
+        Parameters
+        ----------
+        states : (2, n) array
+            Values of both modes at n instants.
+
+        Returns
+        -------
+        (2, n) array
+            Temperatures of the inner and the outer body above ambient, K.
+        """
         return self.shape @ states
 
     def states(self, rise: Array) -> Array:
-        """Return the modes (2,) for temperatures (2,) of inner and outer body above ambient (K)."""
+        """Convert temperatures into modes.
+
+        Parameters
+        ----------
+        rise : (2,) array
+            Temperatures of the inner and the outer body above ambient, K.
+
+        Returns
+        -------
+        (2,) array
+            Values of both modes.
+        """
         return self.inverse @ rise
 
 
@@ -117,7 +150,7 @@ def simulate_modes(modes: ThermalModes, t: Array, power: Array) -> Array:
 
     Parameters
     ----------
-    modes
+    modes : ThermalModes
         Modes of the thermal model.
     t : (n,) array
         Instants, s.
@@ -164,10 +197,20 @@ def _solve_recursion(factor: Array, gained: Array) -> Array:
 
 
 def _exponential_quotients(x: Array) -> tuple[Array, Array]:
-    """Return (eˣ − 1)/x and (eˣ − 1 − x)/x², with the shape of x.
+    """Compute (eˣ − 1)/x and (eˣ − 1 − x)/x² without loss of digits near 0.
 
-    They are the responses of a mode to a constant and to a linearly growing power. Power series
-    replace the quotients for small |x|, where the differences lose all digits.
+    The quotients are the responses of a mode to a constant and to a linearly growing power.
+
+    Parameters
+    ----------
+    x : array
+        Arguments, of any shape.
+
+    Returns
+    -------
+    order_one, order_two : arrays of the same shape
+        Both quotients. Power series replace them for |x| below `SERIES_THRESHOLD`, where the
+        differences lose all digits.
     """
     is_small = np.abs(x) < SERIES_THRESHOLD
     safe = np.where(is_small, 1.0, x)
@@ -242,9 +285,9 @@ class ThermalModel:
 
         Parameters
         ----------
-        motor
+        motor : Motor
             Motor with electrical and thermal data.
-        ambient
+        ambient : float
             Ambient temperature, K.
 
         Raises
@@ -321,7 +364,7 @@ class Cycle:
             Instants of the motion, s.
         torque : (n,) array
             Motor torques, N·m.
-        pause
+        pause : float
             Duration of the pause after the motion, s.
         """
         t = t - t[0]
@@ -342,11 +385,23 @@ class Cycle:
         return float(self.t[-1])
 
     def scaled(self, factor: float) -> "Cycle":
-        """Return the cycle with `factor` times the torque."""
+        """Return the cycle with another torque of the same shape.
+
+        Parameters
+        ----------
+        factor : float
+            New torque divided by the present one.
+        """
         return Cycle(self.t, factor**2 * self.square)
 
     def mean(self, value: Array) -> float:
-        """Return the mean over one period of a value (n,) at the instants t."""
+        """Compute the mean of a quantity over one period.
+
+        Parameters
+        ----------
+        value : (n,) array
+            Values at the instants `t`.
+        """
         return float(np.trapezoid(value, self.t) / self.period)
 
 
@@ -383,9 +438,9 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
 
     Parameters
     ----------
-    model
+    model : ThermalModel
         Thermal model of the motor.
-    cycle
+    cycle : Cycle
         Motor torque over one repetition.
 
     Returns
@@ -399,7 +454,18 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
 
 
 def _no_steady_state(cycle: Cycle) -> Temperatures:
-    """Return infinite temperatures for a motor that becomes hotter without end."""
+    """Build infinite temperatures for a motor that becomes hotter without end.
+
+    Parameters
+    ----------
+    cycle : Cycle
+        Motor torque over one repetition.
+
+    Returns
+    -------
+    Temperatures
+        Temperatures with the status "no steady state".
+    """
     infinite = np.full(len(cycle.t), np.inf)
     return Temperatures(infinite, infinite, "no steady state")
 
@@ -411,11 +477,11 @@ def _iterate_temperatures(
 
     Parameters
     ----------
-    model
+    model : ThermalModel
         Thermal model of the motor.
-    cycle
+    cycle : Cycle
         Motor torque over one repetition.
-    guess
+    guess : float
         First guess of the winding temperature, K.
     start : (2,) array, optional
         Temperatures of winding and housing above ambient at the start of the cycle, K. By default,
@@ -434,6 +500,7 @@ def _iterate_temperatures(
         if start is None and modes.is_unstable:
             break
         free = simulate_modes(modes, cycle.t, power)
+        # A mode that starts at z₀ ends at free + decay · z₀, which equals z₀ if it repeats.
         periodic = free[:, -1] / (1.0 - modes.decay(cycle.period)[:, 0])
         initial = periodic if start is None else modes.states(start)
         states = free + modes.decay(cycle.t) * initial[:, None]
@@ -460,9 +527,9 @@ def _linearise_loss(
 
     Parameters
     ----------
-    model
+    model : ThermalModel
         Thermal model of the motor.
-    cycle
+    cycle : Cycle
         Motor torque at n instants.
     winding : (n,) array
         Winding temperatures of the previous pass, K.
@@ -491,9 +558,9 @@ def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
 
     Parameters
     ----------
-    model
+    model : ThermalModel
         Thermal model of the motor.
-    cycle
+    cycle : Cycle
         Motor torque over one repetition.
 
     Returns
@@ -520,11 +587,11 @@ def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Te
 
     Parameters
     ----------
-    model
+    model : ThermalModel
         Thermal model of the motor.
-    cycle
+    cycle : Cycle
         Motor torque at n instants of one repetition.
-    start
+    start : (float, float)
         Temperatures of winding and housing at the start of the cycle, K.
 
     Returns
@@ -545,11 +612,11 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
 
     Parameters
     ----------
-    model
+    model : ThermalModel
         Thermal model of the motor.
-    cycle
+    cycle : Cycle
         Motor torque over one repetition.
-    limit
+    limit : float
         Winding temperature, K.
 
     Returns
@@ -560,27 +627,28 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
     steady = steady_state(model, cycle)
     if steady.steady and steady.peak < limit:
         return None
+    # The search ends after 60 times the slowest possible time constant.
     horizon = (
         60.0
         * (model.r_winding_housing + model.r_housing_ambient)
         * (model.c_winding + model.c_housing)
     )
-    cycles = before = 0
+    cycles = previous_cycles = 0
     current = previous = np.full(2, model.ambient)
-    max_stride = 1 << 40
+    max_stride = 1 << 40  # no bound before the first step that is too long
     while cycles * cycle.period <= horizon:
         temperatures = warm_up(model, cycle, tuple(current))
         hot = np.flatnonzero(temperatures.winding >= limit)
-        stride = cycles - before
+        stride = cycles - previous_cycles
         if len(hot) and stride <= 1:
             return cycles * cycle.period + _crossing_time(
                 cycle.t, temperatures.winding, int(hot[0]), limit
             )
         if len(hot):
-            cycles, current = before, previous
+            cycles, current = previous_cycles, previous
             max_stride = stride // 2
             temperatures = warm_up(model, cycle, tuple(current))
-        before, previous = cycles, current
+        previous_cycles, previous = cycles, current
         stride, current = _advance_cycles(model, cycle, temperatures, current, max_stride)
         cycles += stride
     return None
@@ -596,15 +664,15 @@ def _advance_cycles(
 
     Parameters
     ----------
-    model
+    model : ThermalModel
         Thermal model of the motor.
-    cycle
+    cycle : Cycle
         Motor torque at n instants of one repetition.
-    temperatures
+    temperatures : Temperatures
         Temperatures (n,) over the first repetition.
     start : (2,) array
         Temperatures of winding and housing at the start of the first repetition, K.
-    max_stride
+    max_stride : int
         Largest number of repetitions.
 
     Returns
@@ -620,6 +688,7 @@ def _advance_cycles(
     modes, power = _linearise_loss(model, cycle, temperatures.winding)
     decay = modes.decay(cycle.period)[:, 0]
     gained_states = simulate_modes(modes, cycle.t, power)[:, -1]
+    # Σ decay^i for i = 0 … stride − 1 is (decay^stride − 1)/(decay − 1).
     state = decay**stride * modes.states(start - model.ambient) + gained_states * np.expm1(
         stride * np.log(decay)
     ) / (decay - 1.0)
@@ -635,9 +704,9 @@ def _crossing_time(t: Array, winding: Array, k: int, limit: float) -> float:
         Instants, s.
     winding : (n,) array
         Winding temperatures at the instants, K.
-    k
+    k : int
         Index of the first instant with at least the limit.
-    limit
+    limit : float
         Temperature, K.
 
     Returns

@@ -105,7 +105,10 @@ class TipError:
         return f"tip error not known, because the files do not state: {listing}" if listing else ""
 
     def to_dict(self) -> JsonObject:
-        """Return the entry `tip_error` of plan.json, in SI units."""
+        """Return the tip error as a dict, in SI units.
+
+        plan.json contains this dict as its entry `tip_error`.
+        """
         return {
             **get_attributes(self, ("bound", "angle", "stated", "stated_angle")),
             "sources": [vars(source) for source in self.sources],
