@@ -127,17 +127,11 @@ def motor_electrics(joint: Joint, controller: Controller) -> MotorElectrics:
 
 @lru_cache
 def default_bandwidth(period: float, lag: float) -> float:
-    """Return the bandwidth in Hz of the default position loop.
+    """Compute the bandwidth of the default position loop.
 
-    At this bandwidth, the loop has the phase margin `DEFAULT_PHASE_MARGIN`.
-
-    With the gains of `loop_gains`, the inertia cancels out of the open loop, which is
-
-        (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) / s²
-
-    with ω = 2π · bandwidth, the damping ratio ζ = LOOP_DAMPING_RATIO and the time constant T_f of
-    the derivative filter. Half a sampling period and the lag of the current delay this loop, so the
-    phase margin falls as the bandwidth grows. Bisection finds the bandwidth.
+    At this bandwidth, the loop has the phase margin `DEFAULT_PHASE_MARGIN`. The phase margin falls
+    as the bandwidth grows, because half a sampling period and the lag of the current delay the
+    loop. Bisection finds the bandwidth.
 
     Parameters
     ----------
@@ -150,6 +144,13 @@ def default_bandwidth(period: float, lag: float) -> float:
     -------
     float
         Bandwidth, Hz.
+
+    Notes
+    -----
+    With the gains of `loop_gains`, the inertia cancels out of the open loop, which is
+        (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) / s²
+    with ω = 2π · bandwidth, the damping ratio ζ = LOOP_DAMPING_RATIO and the time constant T_f of
+    the derivative filter. The delay multiplies it by exp(−s · period / 2) / (1 + lag · s).
     """
     low = 1e-3 / period
     high = 1.0 / period
@@ -163,9 +164,10 @@ def default_bandwidth(period: float, lag: float) -> float:
 
 
 def phase_margin(bandwidth: float, period: float, lag: float) -> float:
-    """Return the phase margin in degrees of the default position loop of `default_bandwidth`.
+    """Compute the phase margin of the default position loop.
 
-    The closed loop is unstable if the margin is negative.
+    The closed loop is unstable if the margin is negative. The open loop is stated in the notes of
+    `default_bandwidth`.
 
     Parameters
     ----------
@@ -175,8 +177,14 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
         Sampling period of the position loop, s.
     lag : float
         Time constant of the current loop, s.
+
+    Returns
+    -------
+    float
+        Phase margin, degrees.
     """
     omega = 2.0 * math.pi * bandwidth
+    # The gain falls to 1 at a frequency in this range around the bandwidth.
     s = 1j * omega * np.geomspace(0.3, 10.0, 2000)
     derivative = (
         2.0
@@ -188,6 +196,7 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
     gain = omega**2 + derivative + INTEGRAL_GAIN_RATIO * omega**3 / s
     delay = np.exp(-s * period / 2.0) / (1.0 + lag * s)
     loop = gain / s**2 * delay
+    # The margin is the phase at the last frequency with a gain above 1, plus 180 degrees.
     crossing = int(np.flatnonzero(np.abs(loop) > 1.0).max(initial=0))
     phase = np.degrees(np.unwrap(np.angle(loop)))
     # The phase of the integral and both poles at 0 begins at −270 degrees.

@@ -69,13 +69,14 @@ class Draws:
         return ~failed & (self.tip_error <= self.tip_limit)
 
     def to_dict(self) -> JsonObject:
-        """Return the content of the key `draws` in the output of `simulate --json`, in SI units.
+        """Return the results as a dict, in SI units.
 
-        Tip errors and torques are given by their quantiles at 2.5, 50 and 97.5 %.
+        The output of `simulate --json` contains this dict as its entry `draws`. Tip errors and
+        torques are given by their quantiles at 2.5, 50 and 97.5 %.
         """
 
         def quantiles(values: Array) -> list[float]:
-            """Return the quantiles of values (n,)."""
+            """Compute the quantiles at 2.5, 50 and 97.5 % of the values (n,)."""
             return np.quantile(values, [0.025, 0.5, 0.975]).tolist()
 
         return {
@@ -176,7 +177,7 @@ def play_draws(
     friction : (n, 28) array
         Friction parameters, one row for each playback, from `draw_frictions`.
     planned : (m, 4) array
-        Planned joint positions, rad and m.
+        Planned joint positions, rad, and m for joint 4.
     tip_limit : float
         Largest permitted tip error, m.
     progress : callable

@@ -52,7 +52,7 @@ def drive_step(
     drive : Drive
         Drive with its friction.
     w : float, array or expression
-        Motor speed, rad/s. Exactly 0 means that the drive rests.
+        Motor speed at the start of the step, rad/s. Exactly 0 means that the drive rests.
     rest_time : float, array or expression
         Time since the drive stopped, s.
     tau : float, array or expression
@@ -82,6 +82,7 @@ def drive_step(
     friction = required_friction(drive)
     speed = w if middle is None else middle
     mu = friction_coefficient(friction, speed)
+    # Static friction grows during a rest from the smaller of these two coefficients.
     mu_slow = xp.minimum(friction_coefficient(friction, 0.0), friction.mu_static)
     mu_rest = static_coefficient(friction, rest_time, mu_slow)
     # A resting drive starts if the motor torque exceeds the breakaway torque of a direction.
@@ -95,6 +96,7 @@ def drive_step(
     end_speed = xp.where(stops, 0, free_speed)
     # A drive that stops reaches speed zero before the step ends.
     stop_share = -w / xp.where(wd == 0, 1, h * wd)
+    # The speed is linear in time, so its mean over the moving part is that of both ends.
     moving_share = xp.where(stops, xp.minimum(xp.maximum(stop_share, 0), 1), 1)
     mean = 0.5 * (w + end_speed) * moving_share
     qd = mean / drive.ratio
@@ -130,9 +132,14 @@ def with_blocked_motor(
         Step of the drive with a free motor.
     blocked : expression
         1 for a blocked motor, 0 for a free one. The step of a free motor is returned unchanged.
-    w, load, tau, h : ca.SX, ca.SX, ca.SX, float
-        Motor speed before the step in rad/s, effort on the output in N·m or N, motor torque in N·m,
-        and duration of the step in s.
+    w : float, array or expression
+        Motor speed before the step, rad/s.
+    load : float, array or expression
+        Effort on the output of the drive, N·m or N.
+    tau : float, array or expression
+        Motor torque, N·m.
+    h : float
+        Duration of the step, s.
 
     Returns
     -------
@@ -151,8 +158,18 @@ def with_blocked_motor(
 
 
 def inertia_at_motor(drive: Drive) -> float:
-    """Return the inertia that the motor accelerates, reduced to its shaft, kg·m².
+    """Compute the inertia that the motor accelerates, reduced to its shaft.
 
-    It contains the input, the output and the second nut of the drive.
+    The inertia contains the input, the output and the second nut of the drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+
+    Returns
+    -------
+    float
+        Inertia, kg·m².
     """
     return drive.input_inertia + (drive.output_inertia + drive.second_nut_mass) / drive.ratio**2

@@ -52,16 +52,25 @@ class Compliance:
         """Compute stiffness and damping from the natural frequencies of the joints.
 
         The default values and the damping ratio `DAMPING_RATIO` are assumptions, not measurements.
-        The result has no backlash.
 
         Parameters
         ----------
         body : RigidBody
             Rigid bodies of the robot.
-        q : (4,)
-            Joint positions at which the frequencies apply, rad and m.
-        frequency : (4,)
+        q : (4,) array
+            Joint positions at which the frequencies apply, rad, and m for joint 4.
+        frequency : sequence of four floats
             Natural frequency of each joint while its drive is locked, Hz.
+
+        Returns
+        -------
+        Compliance
+            Springs and dampers without backlash.
+
+        Notes
+        -----
+        With the inertia J of a joint, its frequency ω in rad/s and the damping ratio ζ, the
+        stiffness is J ω² and the damping is 2 ζ J ω.
         """
         inertia = np.diag(body.mass_matrix(np.reshape(q, (1, 4)))[0])
         omega = 2.0 * math.pi * np.asarray(frequency)
@@ -85,11 +94,11 @@ class Compliance:
         array or expression
             Deflection in the shape of `twist`, rad or m.
         """
-        free = 0.5 * float(self.backlash[k])
-        if free == 0.0:
+        half_backlash = 0.5 * float(self.backlash[k])
+        if half_backlash == 0.0:
             return twist
         xp = ca if isinstance(twist, ca.SX) else np
-        return twist - xp.fmin(xp.fmax(twist, -free), free)
+        return twist - xp.fmin(xp.fmax(twist, -half_backlash), half_backlash)
 
 
 FRICTION_PARAMETERS = ("mu", "mu_static", "mu_stribeck", "b_c", "b_v", "b_oc", "b_ov")
@@ -168,7 +177,7 @@ class ArmPlant:
         Parameters
         ----------
         q : (4,) array
-            Joint positions, rad and m.
+            Joint positions, rad, and m for joint 4.
 
         Returns
         -------
@@ -186,7 +195,8 @@ class ArmPlant:
         Parameters
         ----------
         q, qd, qdd : (4,) arrays
-            Joint positions, velocities and accelerations, in rad and m.
+            Joint positions, velocities and accelerations in rad, rad/s and rad/s² (joint 4: m, m/s
+            and m/s²).
 
         Returns
         -------
@@ -268,7 +278,7 @@ class ArmPlant:
         return ca.Function("step", list(inputs), [state_after], {"cse": True})
 
     def _energies(self, tau: ca.SX, effort: ca.SX, forces: _Forces, mean_qd: ca.SX) -> ca.SX:
-        """Return the energies that a step adds to the slice `ENERGY` of the state.
+        """Build the expressions of the energies that a step adds to the state.
 
         Parameters
         ----------
@@ -279,7 +289,7 @@ class ArmPlant:
         forces : _Forces
             Efforts and motion of the drives in the step.
         mean_qd : (4,)
-            Mean joint velocities in the step, rad/s and m/s.
+            Mean joint velocities in the step, rad/s, and m/s for joint 4.
 
         Returns
         -------
@@ -331,9 +341,9 @@ class ArmPlant:
             drive = _with_friction(self.drive(k), parameters)
             twist_start = x[MOTOR][k] / drive.ratio - x[Q][k]
             twist_middle = motor[k] / drive.ratio - q[k]
-            stretch, contact = self._mean_deflection(k, twist_start, twist_middle)
+            deflection, contact = self._mean_deflection(k, twist_start, twist_middle)
             damper[k] = self.compliance.damping[k] * (w[k] / drive.ratio - qd[k]) * contact
-            load[k] = self.compliance.stiffness[k] * stretch + damper[k]
+            load[k] = self.compliance.stiffness[k] * deflection + damper[k]
             start = x[W][k]
             step = drive_step(drive, start, x[REST][k], tau[k], load[k], h=self.h, middle=w[k])
             step = with_blocked_motor(
@@ -411,6 +421,11 @@ class ArmPlant:
         k : int
             Index of the joint, from 0.
 
+        Returns
+        -------
+        Drive
+            The drive.
+
         Raises
         ------
         GeometryError
@@ -444,6 +459,7 @@ class ArmPlant:
             Accelerations of all joints, rad/s² or m/s².
         """
         free = list(self.driven)
+        # The effort is linear in the accelerations, so its derivative is the mass matrix.
         probe = ca.SX.sym("qdd", 4)
         effort = self.body.symbolic(q, qd, probe)
         mass = ca.densify(ca.jacobian(effort, probe))
@@ -470,6 +486,11 @@ def _with_friction(drive: Drive, values: ca.SX) -> Drive:
         The drive.
     values : (7,)
         Symbols for the parameters in the order of `FRICTION_PARAMETERS`.
+
+    Returns
+    -------
+    Drive
+        The copy.
     """
     friction, changed = copy.copy(required_friction(drive)), copy.copy(drive)
     for name, value in zip(FRICTION_PARAMETERS, ca.vertsplit(values), strict=True):

@@ -40,7 +40,7 @@ from ssm_planner.units import rpm
 STEPS_PER_PERIOD = 2
 """Number of steps of the plant in one period of the position loop."""
 ASSUMED_BACKLASH = (np.radians(0.1), np.radians(0.1), np.radians(0.1), 2e-5)
-"""Assumed free play between drive and joint, rad and m."""
+"""Assumed free play between drive and joint, rad, and m for joint 4."""
 
 CURRENT, DERIVATIVE, ERROR, TRIP = (
     slice(STATE_SIZE + 4 * k, STATE_SIZE + 4 * k + 4) for k in range(4)
@@ -86,7 +86,9 @@ class Commands:
     """1 while the drives have power, otherwise 0, (n,)."""
 
     def table(self) -> Array:
-        """Return all commands side by side as an (n, 25) array, one row for each period.
+        """Combine all commands in one table with one row for each period.
+
+        The table is an (n, 25) array.
 
         A row consists of the fields of this class in their order: four numbers for each of the six
         fields from `demand` to `stalled`, and one number for `power`.
@@ -151,6 +153,7 @@ def commands_from_setpoints(
         axis = axes[name]
         k = JOINTS.index(name)
         sent = period * np.arange(len(stream["target_position_inc"]))
+        # The small number keeps an instant at a set point from being rounded down.
         next_index = np.minimum(np.floor(t / period + 1e-9).astype(int) + 1, len(sent) - 1)
         increment = 2.0 * np.pi / axis.counts_per_turn * axis.direction
         columns["demand"][:, k] = increment * np.interp(t, sent, stream["target_position_inc"])
@@ -223,7 +226,7 @@ class ControlledArm(ArmPlant):
         compliance: Compliance | None = None,
         steps: int = STEPS_PER_PERIOD,
     ) -> None:
-        """Build the CasADi function that simulates one period.
+        """Build the CasADi function that simulates one period of the position loop.
 
         Parameters
         ----------
@@ -237,7 +240,8 @@ class ControlledArm(ArmPlant):
             Largest permitted following error in rad at the motor, by joint. A larger one trips the
             drive, which means that all drives switch off.
         compliance : Compliance, optional
-            Springs, dampers and backlash. The default is that of `robot_compliance`.
+            Springs, dampers and backlash. By default, they come from the files of controller and
+            robot, and missing values are assumed (`robot_compliance`).
         steps : int
             Number of steps of the plant in one period of the position loop.
         """
@@ -266,7 +270,8 @@ class ControlledArm(ArmPlant):
         Parameters
         ----------
         q, qd, qdd : (4,) arrays
-            Joint positions, velocities and accelerations at the start, in rad and m.
+            Joint positions, velocities and accelerations in rad, rad/s and rad/s² (joint 4: m, m/s
+            and m/s²).
         command : Commands
             Commands of the motion.
 
@@ -310,7 +315,7 @@ class ControlledArm(ArmPlant):
         Parameters
         ----------
         q : (4,)
-            Joint positions at which the encoders were set, rad and m.
+            Joint positions at which the encoders were set, rad, and m for joint 4.
 
         Returns
         -------
@@ -367,12 +372,11 @@ class ControlledArm(ArmPlant):
         return Playback(np.vstack(states), np.vstack(errors), np.vstack(saturated))
 
     def half_step_periods(self, command: Commands) -> Mask:
-        """Return the periods in which the integrator must use half its usual time step.
+        """Find the periods in which the integrator must use half its usual time step.
 
         The integration error is largest while a drive breaks away, that is, while static friction
-        is being overcome. The result is True for all periods of every chunk in which a drive may
-        break away. A drive may break away during `_MAX_BREAKAWAY_PERIODS` periods after the first
-        command to move.
+        is being overcome. A drive may break away during `_MAX_BREAKAWAY_PERIODS` periods after the
+        first command to move.
 
         Parameters
         ----------
@@ -382,7 +386,7 @@ class ControlledArm(ArmPlant):
         Returns
         -------
         (n,) array of bool
-            True for a period that needs half the time step.
+            True for all periods of every chunk in which a drive may break away.
         """
         moving = command.speed != 0
         was_moving = np.vstack([np.zeros((1, 4), dtype=bool), moving[:-1]])
@@ -397,6 +401,7 @@ class ControlledArm(ArmPlant):
     @cached_property
     def control_step_in_halves(self) -> ca.Function:
         """CasADi function like `control_step`, but with plant steps of half the duration."""
+        # `_period_function` reads these attributes, which are restored afterwards.
         self.h /= 2
         self.steps *= 2
         function = self._period_function()
@@ -423,6 +428,7 @@ class ControlledArm(ArmPlant):
         """
         x = ca.SX.sym("x", CONTROLLED_STATE_SIZE)
         u = ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION_PARAMETERS))
+        # The offsets of the encoders are u[25:29], which `_control_joint` reads.
         prescribed, stalled, friction = u[16:20], u[20:24], u[29:]
         power = ca.logic_and(u[24], ca.mmax(x[TRIP]) == 0)
         names = ("tau", "current", "i", "d", "e", "trip", "cut")

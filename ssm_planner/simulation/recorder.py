@@ -25,9 +25,26 @@ _CHANNELS = (
 def write_recordings(
     result: SimulationResult, folder: Path, sampling: float = SAMPLING_PERIOD
 ) -> Files:
-    """Write one recording for each driven joint into a folder, and return the paths by joint.
+    """Write one recording for each driven joint into a folder.
 
-    `sampling` is the sampling period in s. Raises ExportError if a file cannot be written.
+    Parameters
+    ----------
+    result : SimulationResult
+        Simulated playback.
+    folder : Path
+        Folder of the recordings. Each file has the name of its joint.
+    sampling : float
+        Sampling period, s.
+
+    Returns
+    -------
+    dict of Path
+        Paths of the files by joint.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     return {
         name: write_recording(result, name, folder / f"{name}.csv", sampling)
@@ -93,7 +110,20 @@ def write_recording(
 
 
 def _period_means(values: Array, indices: Indices) -> Array:
-    """Return the means (k,) of values (n,) over the sampling periods that begin at indices (k,)."""
+    """Compute the mean of a quantity over each sampling period.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Values at all simulated instants.
+    indices : (k,) array of int
+        Index of the first instant of each sampling period.
+
+    Returns
+    -------
+    (k,) array
+        Mean over each period, in the unit of the values.
+    """
     total = np.append(0.0, np.cumsum(values))
     step = max(1, int(np.median(np.diff(indices)))) if len(indices) > 1 else 1
     end = np.minimum(indices + step, len(values))

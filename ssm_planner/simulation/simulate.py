@@ -169,7 +169,14 @@ class Scenario:
                 )
 
     def _check_ranges(self) -> None:
-        """Raise ProblemError if a value is out of range, or if values cannot be combined."""
+        """Check that every value is in its range and that the values can be combined.
+
+        Raises
+        ------
+        ProblemError
+            If a value is out of range, or if random friction is combined with a payload that the
+            arm picks up during the motion.
+        """
         spread = 0.0 if self.spread is None else self.spread
         ranges = (
             ("speed", 0 < self.speed <= 1, "above 0 and up to 1 (100 %)"),
@@ -361,7 +368,10 @@ class SimulationResult:
         return float(self.losses.travel.max())
 
     def to_dict(self) -> JsonObject:
-        """Return the content of the output of `simulate --json`, in SI units."""
+        """Return the result as a dict, in SI units.
+
+        The command `simulate --json` prints this dict.
+        """
         losses, worst = self.losses, self.losses.worst
         return {
             "passed": self.passed,
@@ -405,7 +415,7 @@ def simulate(
     controller : Controller, optional
         The motor controller. The default is `Controller()`.
     progress : callable
-        Called with each step.
+        Function that is called with a `Step` before each part of the simulation.
     robot : Robot, optional
         Robot that executes a trajectory. It is needed only if `plan` is a trajectory, because a
         plan contains its robot.
@@ -436,12 +446,12 @@ def simulate(
         controller = replace(controller, supply=scenario.supply)
     if scenario.speed != 1.0:
         plan = replace(plan, trajectory=plan.motion.slower(scenario.speed))
-    stage = _Simulation(plan, scenario, controller)
+    simulation = _Simulation(plan, scenario, controller)
     progress(Step("playing the set points"))
-    played = stage.play()
+    played = simulation.play()
     progress(Step("losing power"))
-    losses = stage.simulate_power_losses(played, progress)
-    return stage.result(played, losses, stage.draws(progress))
+    losses = simulation.simulate_power_losses(played, progress)
+    return simulation.result(played, losses, simulation.draws(progress))
 
 
 class _Simulation:
@@ -603,23 +613,24 @@ class _Simulation:
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
         states = [state[None, :]]
         chunk = 250
-        still_periods = round(STANDSTILL_TIME / self.period)
+        standstill_periods = round(STANDSTILL_TIME / self.period)
         for k in range(0, len(unpowered.power), chunk):
             commands = select_periods(unpowered, slice(k, k + chunk))
             continuation = arm.play(states[-1][-1], commands, self.offsets, self.friction)
             states.append(continuation.states[1:])
-            if np.all(self._is_at_rest(continuation.states)[-still_periods:]):
+            if np.all(self._is_at_rest(continuation.states)[-standstill_periods:]):
                 break
         path = np.vstack(states)
         moving = np.flatnonzero(np.logical_not(self._is_at_rest(path)))
         periods = moving[-1] + 1 if len(moving) else 0
+        # Every fifth state suffices, because the tip moves little within a few periods.
         tips = tip_position(Mechanism.from_robot(self.plan.robot), path[::5, Q])
         travel = float(np.linalg.norm(tips - tips[0], axis=1).max())
-        stopped = periods <= len(path) - still_periods or not len(moving)
+        stopped = periods <= len(path) - standstill_periods or not len(moving)
         return travel, float(self.period * periods) if stopped else np.inf
 
     def _is_at_rest(self, states: Array) -> Array:
-        """Return True for each state in which all motors and joints are at rest.
+        """Determine for each state whether all motors and joints are at rest.
 
         A motor is at rest if its speed is exactly 0. A joint is at rest if its speed is at most
         `REST_SPEED_RATIO` times its velocity limit.
@@ -632,15 +643,24 @@ class _Simulation:
         Returns
         -------
         (n,) array of bool
+            True for a state at rest.
         """
         rest_speeds = REST_SPEED_RATIO * self.plan.robot.velocities
         joints_rest = np.all(np.abs(states[:, QD]) <= rest_speeds, axis=1)
         return np.all(states[:, W] == 0.0, axis=1) & joints_rest
 
     def draws(self, progress: Progress) -> Draws | None:
-        """Play the same set points again with each of many frictions that are drawn at random.
+        """Play the same set points again with many frictions that are drawn at random.
 
-        The result is None if the scenario requests no such playbacks (`Scenario.draws` is 0).
+        Parameters
+        ----------
+        progress : callable
+            Function that is called with a `Step` now and then.
+
+        Returns
+        -------
+        Draws or None
+            Results of these playbacks. None if the scenario requests none (`Scenario.draws` is 0).
         """
         scenario = self.scenario
         if not scenario.draws:
@@ -756,11 +776,21 @@ class _Simulation:
         )
 
     def _error_window(self, axis: Axis) -> int:
-        """Return the largest following error that a drive permits, in increments of the encoder.
+        """Return the largest following error that a drive permits.
 
-        The following error is the demanded minus the measured motor angle. If it leaves this
+        The following error is the demanded minus the measured motor angle. If it exceeds this
         window, the drive trips, which means that all drives switch off. The controller file has
-        priority. If it states no following error, the result is the value that the export writes.
+        priority. If it states no window, the result is the value that the export writes.
+
+        Parameters
+        ----------
+        axis : Axis
+            Settings of the drive.
+
+        Returns
+        -------
+        int
+            Window in increments of the encoder.
         """
         window = self.controller.axis(axis.name).following_error
         if window is None:
@@ -853,10 +883,22 @@ def select_periods(commands: Commands, rows: slice | Array) -> Commands:
 
 
 def _encoder_counts(robot: Robot, controller: Controller) -> dict[str, int]:
-    """Return the encoder increments per motor turn by name of the joint.
+    """Return the encoder increments per motor turn of each joint.
 
     The motor file has priority over the controller file. If neither file states the increments of a
     joint, they are `ASSUMED_ENCODER_COUNTS`.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with its motors.
+    controller : Controller
+        The motor controller.
+
+    Returns
+    -------
+    dict of int
+        Increments by name of the joint.
     """
     counts = {}
     for joint in robot.joints:
