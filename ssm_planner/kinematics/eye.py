@@ -20,7 +20,9 @@ SMALLEST_SQUARED_LENGTH = 1e-12
 
 
 def retina_distance(xp: Namespace, eye: Eye, tip: Any) -> Any:
-    """Compute the distance of the tip from the retina, which must be at least `eye.clearance`.
+    """Compute the distance of the tip from the retina.
+
+    It must be at least `eye.clearance`.
 
     The instrument enters the eye through a hole of the retina about the remote centre with the
     radius `port`. With the tip position p, and the centre c and the radius R of the retina, the
@@ -77,12 +79,9 @@ def lens_ratio(xp: Namespace, lens: Lens, tip: Any) -> Any:
 
 
 def smallest_lens_ratio(eye: Eye) -> float:
-    """Return the smallest permitted ρ of `lens_ratio`, which is 1 + r/a, or 1 without a lens.
+    """Compute the smallest permitted distance of the shaft from the lens, as a ratio.
 
-    r is the radius of the shaft and a the smallest semi-axis of the lens E. The lens contains a
-    ball of radius a, so (r/a) E contains a ball of radius r. E is convex, so E + (r/a) E = (1 +
-    r/a) E. A shaft axis outside (1 + r/a) E is therefore at least r away from E, and the shaft does
-    not touch the lens.
+    It is the smallest value of `lens_ratio` at which the shaft does not touch the lens.
 
     Parameters
     ----------
@@ -92,7 +91,14 @@ def smallest_lens_ratio(eye: Eye) -> float:
     Returns
     -------
     float
-        Smallest permitted ratio.
+        Smallest permitted ratio, which is 1 without a lens.
+
+    Notes
+    -----
+    The ratio is 1 + r/a with the radius r of the shaft and the smallest semi-axis a of the lens E.
+    The lens contains a ball of radius a, so (r/a) E contains a ball of radius r. E is convex, so
+    E + (r/a) E = (1 + r/a) E. A shaft axis outside (1 + r/a) E is therefore at least r away from E,
+    and the shaft does not touch the lens.
     """
     if eye.lens is None:
         return 1.0
@@ -127,11 +133,11 @@ def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]
 
 
 def retina_constraint(xp: Namespace, eye: Eye, tip: Any) -> Any:
-    """Return |p − c|²/(R − clearance)² − 1, which the optimiser keeps ≤ 0 beyond the port.
+    """Compute a smooth expression that is at most 0 while the tip is far enough from the retina.
 
-    p is the tip position, and c and R are the centre and the radius of the retina. A value ≤ 0
-    means that the tip is at least `eye.clearance` away from the retina. Unlike `retina_distance`,
-    the expression is smooth.
+    The expression is |p − c|²/(R − clearance)² − 1 with the tip position p, and the centre c and
+    the radius R of the retina. The optimiser keeps it ≤ 0 beyond the port. The expression of
+    `retina_distance` is not smooth.
 
     Parameters
     ----------
@@ -151,10 +157,10 @@ def retina_constraint(xp: Namespace, eye: Eye, tip: Any) -> Any:
 
 
 def lens_constraint(xp: Namespace, eye: Eye, lens: Lens, tip: Any) -> Any:
-    """Return 1 − (ρ / ρ_min)², which the optimiser keeps ≤ 0.
+    """Compute an expression that is at most 0 while the shaft does not touch the lens.
 
-    ρ is the ratio of `lens_ratio`, and ρ_min is `smallest_lens_ratio`. The expression is
-    continuously differentiable, except for a tip at the remote centre.
+    The expression is 1 − (ρ / ρ_min)², where ρ is the ratio of `lens_ratio`, and ρ_min is
+    `smallest_lens_ratio`. It is continuously differentiable, except for a tip at the remote centre.
 
     Parameters
     ----------
@@ -176,7 +182,22 @@ def lens_constraint(xp: Namespace, eye: Eye, lens: Lens, tip: Any) -> Any:
 
 
 def eye_constraints(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
-    """Return the expressions that the optimiser keeps ≤ 0, by the name of the eye limit."""
+    """Compute the expressions of all eye limits that the optimiser keeps below 0.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    eye : Eye
+        Retina and lens.
+    tip : three arrays or expressions
+        Components of the tip position in the base frame (m).
+
+    Returns
+    -------
+    dict of array or expression
+        Values of `retina_constraint` and, if the eye has a lens, of `lens_constraint`.
+    """
     rows = {RetinaClearance.name: retina_constraint(xp, eye, tip)}
     if eye.lens is not None:
         rows[LensClearance.name] = lens_constraint(xp, eye, eye.lens, tip)
@@ -184,7 +205,9 @@ def eye_constraints(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
 
 
 def _squared_lens_ratio(xp: Namespace, lens: Lens, tip: Any) -> Any:
-    """Compute ρ², the square of `lens_ratio`.
+    """Compute the square of the factor by which the lens must grow to touch the shaft.
+
+    The factor is ρ of `lens_ratio`.
 
     With the centre of the lens as origin and coordinates divided by the semi-axes, let o be the
     remote centre and d the vector from it to the tip. The point of the segment closest to the
@@ -219,15 +242,48 @@ def _squared_lens_ratio(xp: Namespace, lens: Lens, tip: Any) -> Any:
 
 
 def _difference(tip: Any, centre: Any) -> list[Any]:
-    """Return the components of tip − centre."""
+    """Subtract one position from another.
+
+    Parameters
+    ----------
+    tip, centre : three arrays, expressions or floats
+        Components of both positions, m.
+
+    Returns
+    -------
+    list
+        Three components of tip − centre, m.
+    """
     return [tip[k] - centre[k] for k in range(3)]
 
 
 def _inner_product(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    """Return the inner product of two vectors of three components."""
+    """Compute the inner product of two vectors of three components.
+
+    Parameters
+    ----------
+    a, b : sequence of three arrays, expressions or floats
+        Components of both vectors.
+
+    Returns
+    -------
+    array, expression or float
+        The inner product.
+    """
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _squared_length(vector: Sequence[Any]) -> Any:
-    """Return the squared length of a vector of three components."""
+    """Compute the squared length of a vector.
+
+    Parameters
+    ----------
+    vector : sequence of three arrays, expressions or floats
+        Components of the vector.
+
+    Returns
+    -------
+    array, expression or float
+        The squared length.
+    """
     return _inner_product(vector, vector)

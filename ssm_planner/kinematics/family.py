@@ -41,6 +41,11 @@ class MechanismFamily:
         ----------
         mask : (n,) mask
             True for each mechanism of the subset.
+
+        Returns
+        -------
+        MechanismFamily
+            The selected mechanisms in their order.
         """
         return MechanismFamily(
             self.alpha[mask], self.home_tilt[mask], self.home_roll[mask], self.insertion_sign
@@ -66,7 +71,10 @@ class MechanismFamily:
 
     @cached_property
     def beta(self) -> Array:
-        """Angle β (n,) between ω2 and ω3: cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h."""
+        """Angles β (n,) between the axes of joints 2 and 3, rad.
+
+        They follow from cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h.
+        """
         return np.arccos(np.clip(np.sum(self.omega2 * self.omega3, axis=1), -1.0, 1.0))
 
     @cached_property
@@ -76,7 +84,7 @@ class MechanismFamily:
 
     @cached_property
     def delta(self) -> Array:
-        """Angle δ (n,), rad: the θ2 at which the angle between ω1 and the tool axis is smallest."""
+        """Positions δ (n,) of joint 2 at which the tool axis is nearest to the first axis, rad."""
         component = np.sin(self.alpha) * self.omega3[:, 0] - np.cos(self.alpha) * self.omega3[:, 1]
         return np.arctan2(self.omega3[:, 2], component)
 
@@ -127,7 +135,7 @@ class MechanismFamily:
         Returns
         -------
         (n, k, 4) array
-            Joint positions (rad and m).
+            Joint positions (rad, and m for joint 4).
         """
         coordinates = np.asarray(task, dtype=float).T[:, None, :]  # four rows (1, k)
         home_branch = np.where(np.sin(self.delta) > 0.0, -1.0, 1.0)[:, None]

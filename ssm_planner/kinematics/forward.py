@@ -48,7 +48,7 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     mechanism : Mechanism
         Axes ω1, ω2 and ω3, and the orientation R_0 (`tool_home`).
     q : (n, 4) array
-        Joint positions θ1 to θ4 (rad, rad, rad and m).
+        Joint positions θ1 to θ4 (rad, and m for joint 4).
 
     Returns
     -------
@@ -75,27 +75,27 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
 
 
 def tip_position(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Return the positions of the tool tip for joint positions (paper, eq. 2).
-
-    They are p of `forward`.
+    """Compute the positions of the tool tip for joint positions (paper, eq. 2).
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
     q : (n, 4) array
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
 
     Returns
     -------
     (n, 3) array
-        Tip positions in the base frame (m).
+        Tip positions p of `forward` in the base frame (m).
     """
     return forward(mechanism, q)[1]
 
 
 def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Compute the space Jacobian of the tool (Murray, Li and Sastry, 1994, eq. 3.54).
+    """Compute the space Jacobian of the tool.
+
+    Source: Murray, Li and Sastry, 1994, eq. 3.54.
 
     Column i is the twist (v, ω) of the tool in the base frame for unit velocity of joint i. ω is
     the angular velocity of the tool, and v is the velocity of the point of the tool that coincides
@@ -108,7 +108,7 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
     mechanism : Mechanism
         Axes and tool frame.
     q : (n, 4) array
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
 
     Returns
     -------
@@ -147,7 +147,7 @@ def _trigonometric_terms(angle: Array) -> Array:
 
 
 def _term_products(a: Array, b: Array) -> Array:
-    """Return the product of each row of `a` with each row of `b`.
+    """Compute the product of each row of one array with each row of another.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def forward_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "tuple[casadi.SX, 
     mechanism : Mechanism
         Axes and tool frame.
     q : (4, 1) expression
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
 
     Returns
     -------
@@ -199,7 +199,7 @@ def tip_position_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
     mechanism : Mechanism
         Axes and tool frame.
     q : (4, 1) expression
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
 
     Returns
     -------
@@ -210,21 +210,23 @@ def tip_position_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
 
 
 def tip_jacobian(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
-    """Return the Jacobian ∂p/∂q of the tip position p of one configuration in CasADi.
+    """Build the Jacobian of the tip position as a CasADi expression.
+
+    It is ∂p/∂q for one configuration.
 
     Parameters
     ----------
     mechanism : Mechanism
         Axes and tool frame.
     q : (4, 1) symbol
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
 
     Returns
     -------
     (3, 4) expression
         Jacobian (m/rad for joints 1 to 3, and without a unit for joint 4).
     """
-    import casadi
+    import casadi  # It takes long to import.
 
     return casadi.jacobian(tip_position_symbolic(mechanism, q), q)
 
@@ -250,16 +252,16 @@ def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd:
     mechanism : Mechanism
         Axes and tool frame.
     q : (n, 4) array
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
     qd : (n, 4) array
-        Joint velocities (rad/s and m/s).
+        Joint velocities (rad/s, and m/s for joint 4).
 
     Returns
     -------
     (n,) array
         Speeds in SI units, for TipSpeed in m/s.
     """
-    from ssm_planner.codegen import call
+    from ssm_planner.codegen import call  # It imports CasADi, which takes long.
 
     return call(_tool_speed_function(limit_type, mechanism), q, qd)[0][:, 0]
 
@@ -293,7 +295,7 @@ def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
 
 @lru_cache(maxsize=16)
 def _tool_speed_function(limit_type: type[SpeedLimit], mechanism: Mechanism) -> "casadi.Function":
-    """Build the CasADi function that computes the speed of `tool_speed` for one configuration.
+    """Build the CasADi function that computes the speed of the tool for one configuration.
 
     Its arguments are q (4,) and q̇ (4,), and its result is the scalar |J(q) q̇|.
 
@@ -303,8 +305,13 @@ def _tool_speed_function(limit_type: type[SpeedLimit], mechanism: Mechanism) -> 
         Kind of limit.
     mechanism : Mechanism
         Axes and tool frame.
+
+    Returns
+    -------
+    casadi.Function
+        Function of q and q̇.
     """
-    import casadi
+    import casadi  # It takes long to import.
 
     q = casadi.SX.sym("q", 4)
     qd = casadi.SX.sym("qd", 4)

@@ -52,9 +52,9 @@ def inverse_task(
         Roll, tilt and spin (rad), and depth (m). The tilt may have either sign. Roll and spin are
         not reduced to one turn, so without limits and reference, θ1 and θ3 are continuous in them.
     limits : (4, 2) array, optional
-        Smallest and largest joint positions (rad and m).
+        Smallest and largest joint positions (rad, and m for joint 4).
     reference : (4,) or (n, 4) array, optional
-        Joint positions (rad and m). The solutions are sorted by their distance to it.
+        Joint positions (rad, and m for joint 4). The solutions are sorted by their distance to it.
 
     Returns
     -------
@@ -115,9 +115,9 @@ def inverse_tip(
     spin : float or (n,) array
         Rotation of the tool about its axis (rad).
     limits : (4, 2) array, optional
-        Smallest and largest joint positions (rad and m).
+        Smallest and largest joint positions (rad, and m for joint 4).
     reference : (4,) or (n, 4) array, optional
-        Joint positions (rad and m). The solutions are sorted by their distance to it.
+        Joint positions (rad, and m for joint 4). The solutions are sorted by their distance to it.
 
     Returns
     -------
@@ -172,15 +172,15 @@ def _select_solutions(
     Parameters
     ----------
     joints : (n, 2, 4) array
-        Joint positions (rad and m). The second axis has the order of `BRANCHES`.
+        Joint positions (rad, and m for joint 4). The second axis has the order of `BRANCHES`.
     orientation_error : (n,) array
         Angles between the requested and the reached tool axes (rad).
     tip_error : (n,) array
         Distances between the requested and the reached tip positions (m).
     limits : (4, 2) array or None
-        Smallest and largest joint positions (rad and m).
+        Smallest and largest joint positions (rad, and m for joint 4).
     reference : (4,) or (n, 4) array or None
-        Joint positions (rad and m), see `inverse_task`.
+        Joint positions (rad, and m for joint 4), see `inverse_task`.
 
     Returns
     -------
@@ -225,7 +225,7 @@ def _roll_and_tilt_of_tips(
         True for tips at the RCM. They get the roll and the tilt of `reference` or, without one, of
         q = 0.
     reference : (4,) or (n, 4) array, optional
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
 
     Returns
     -------
@@ -248,6 +248,11 @@ def _roll_and_tilt_of_tips(
 
 def _check_axes_not_parallel(mech: Mechanism) -> None:
     """Raise an error if two adjacent axes are parallel, so that the joint angles are not unique.
+
+    Parameters
+    ----------
+    mech : Mechanism
+        Mechanism with the angles α and β between adjacent axes.
 
     Raises
     ------

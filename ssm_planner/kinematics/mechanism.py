@@ -80,7 +80,18 @@ class Mechanism:
 
     @classmethod
     def from_robot(cls, robot: Robot) -> "Mechanism":
-        """Build the mechanism of a robot, or return the existing one for equal geometry."""
+        """Build the mechanism of a robot.
+
+        Parameters
+        ----------
+        robot : Robot
+            Robot with its geometry.
+
+        Returns
+        -------
+        Mechanism
+            The mechanism. Robots with equal geometry share one object.
+        """
         return cls.from_geometry(robot.geometry)
 
     @classmethod
@@ -89,6 +100,16 @@ class Mechanism:
 
         The axes are normalised, and the z column of the tool frame is set to the third axis
         exactly.
+
+        Parameters
+        ----------
+        geometry : Geometry
+            Joint axes, tool frame at q = 0, and sign of the insertion.
+
+        Returns
+        -------
+        Mechanism
+            The mechanism. Equal geometries share one object.
 
         Raises
         ------
@@ -153,6 +174,7 @@ class Mechanism:
         omega3 = _third_axis(alpha, beta, tilt)
         sign = math.copysign(1.0, tilt)
         roll = math.atan2(sign * omega3[1], -sign * omega3[2])
+        # The tool at roll and tilt 0 has its z axis along ω1 = x and its y axis along t = y.
         pointing = rotation(x, roll) @ rotation(y, tilt)
         default = pointing @ np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
         home = _check_tool_home(default if tool_home is None else tool_home, omega3)
@@ -213,7 +235,7 @@ class Mechanism:
         Parameters
         ----------
         q : (..., 4) array
-            Joint positions (rad and m).
+            Joint positions (rad, and m for joint 4).
 
         Returns
         -------
@@ -374,7 +396,9 @@ def _mechanism_from_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) ->
 
 
 def _check_tool_home(value: ArrayLike, omega3: Array) -> Array:
-    """Check the tool frame at q = 0, and set its z column to ω3 exactly.
+    """Check the orientation of the tool at home, and align it exactly with the third axis.
+
+    Home is the configuration q = 0.
 
     Parameters
     ----------
@@ -426,16 +450,23 @@ def _angle_between(a: Array, b: Array) -> float:
 
 
 def _home_tilt_sign(along_t: float, along_n: float) -> int:
-    """Return the sign, ±1, of the tilt φ at q = 0 for which the roll ψ lies in (−90°, 90°].
+    """Determine the sign of the tilt at home.
 
-    The tool axis is cos φ ω1 + sin φ (sin ψ t − cos ψ n), with the first joint axis ω1, the normal
-    n of the first two joint axes, and t = n × ω1. The poses (ψ, φ) and (ψ + π, −φ) are equal, so
-    the interval of ψ determines the sign of φ.
+    It is the sign for which the roll at q = 0 is in (−90°, 90°].
+
+    The tool axis is cos φ ω1 + sin φ (sin ψ t − cos ψ n) with the roll ψ, the tilt φ, the first
+    joint axis ω1, the normal n of the first two joint axes, and t = n × ω1. The poses (ψ, φ) and (ψ
+    + π, −φ) are equal, so the interval of ψ determines the sign of φ.
 
     Parameters
     ----------
     along_t, along_n : float
         Components of the tool axis along t and n.
+
+    Returns
+    -------
+    int
+        Sign of the tilt φ, 1 or −1.
     """
     if abs(along_n) > PARALLEL_AXES_SINE:
         return -1 if along_n > 0.0 else 1
@@ -443,7 +474,9 @@ def _home_tilt_sign(along_t: float, along_n: float) -> int:
 
 
 def _third_axis(alpha: float, beta: float, tilt: float) -> Array:
-    """Compute the tool axis with a given tilt in a mechanism with ω1 = x and t = y.
+    """Compute the tool axis of a mechanism that has a given tilt at home.
+
+    The mechanism has ω1 = x and t = y.
 
     The result is e^{ω̂2 θ2} ω3 of the equations at the top of this module, on the branch that gives
     a roll in [−90°, 90°].
@@ -471,7 +504,7 @@ def _third_axis(alpha: float, beta: float, tilt: float) -> Array:
 
 
 def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
-    """Compute the magnitude |φ| of the tilt from the position of joint 2 (paper, eq. 4).
+    """Compute the magnitude of the tilt from the position of joint 2 (paper, eq. 4).
 
     |φ| is the side of a spherical triangle with the other sides α and β and the angle |x| between
     these two sides. The paper's equation cos φ = cos(α − β) cos²(x/2) + cos(α + β) sin²(x/2) is
@@ -509,7 +542,9 @@ def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
 def elbow_half_angle_squares(
     xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any
 ) -> tuple[Any, Any]:
-    """Compute cos²(x/2) and sin²(x/2) for a tilt φ, up to a common factor, with x = θ2 − δ.
+    """Compute the position of joint 2 for a tilt, as squares of cosine and sine of a half angle.
+
+    The results are cos²(x/2) and sin²(x/2) for the tilt φ, up to a common factor, with x = θ2 − δ.
 
     This is the inverse of `tilt_magnitude`. The results are
 

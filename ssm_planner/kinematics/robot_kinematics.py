@@ -79,7 +79,10 @@ class JointSolutions:
     """
 
     def to_dict(self) -> JsonObject:
-        """Return the content of the output of `ik --json` as JSON types, in rad and m."""
+        """Return the solutions as a dict of JSON types, in rad and m.
+
+        The command `ik --json` prints this dict.
+        """
         return {
             "reachable": self.reachable,
             "branches": self.joints.tolist(),
@@ -118,9 +121,10 @@ class Workspace:
     """Sign of the tilt at q = 0, +1 or −1."""
 
     def to_dict(self) -> JsonObject:
-        """Return the content of the output of `workspace --json` as JSON types, in rad.
+        """Return the workspace as a dict of JSON types, in rad.
 
-        The tilts of the extremes have the sign of the home tilt.
+        The command `workspace --json` prints this dict. The tilts of the extremes have the sign of
+        the home tilt.
         """
         return {
             "alpha": self.alpha,
@@ -148,7 +152,7 @@ def fk(robot: Robot, q: ArrayLike) -> ToolPose:
     robot : Robot
         Robot whose tool is moved.
     q : (4,) or (n, 4)
-        Joint positions in rad and m.
+        Joint positions in rad, and in m for joint 4.
 
     Returns
     -------
@@ -189,7 +193,7 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
     robot : Robot
         Robot whose tool is moved.
     q : (4,) or (n, 4)
-        Joint positions in rad and m.
+        Joint positions in rad, and in m for joint 4.
 
     Returns
     -------
@@ -246,8 +250,8 @@ def ik(
         True to leave out solutions beyond the joint ranges. For n points, these solutions become
         NaN.
     reference : (4,) array, optional
-        Joint positions (rad and m). Solutions are sorted by their distance to it, and revolute
-        joints are moved next to it by whole turns. The default is home (q = 0).
+        Joint positions (rad, and m for joint 4). Solutions are sorted by their distance to it, and
+        revolute joints are moved next to it by whole turns. The default is home (q = 0).
 
     Returns
     -------

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
 
 def cross_product_matrix(omega: ArrayLike) -> Array:
-    """Return the skew-symmetric matrix ω̂ of the cross product: ω̂ a = ω × a for every vector a.
+    """Build the skew-symmetric matrix of the cross product.
+
+    The matrix ω̂ satisfies ω̂ a = ω × a for every vector a.
 
     Source: Murray, Li and Sastry, 1994, chapter 2.
 
@@ -93,8 +95,20 @@ def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
 
 
 def angle_between(a: Array, b: Array) -> Array:
-    """Compute the angles (n,) in rad between orientations a and b, (n, 3, 3) each.
+    """Compute the angles between pairs of orientations.
 
+    Parameters
+    ----------
+    a, b : (n, 3, 3) arrays
+        Rotation matrices.
+
+    Returns
+    -------
+    (n,) array
+        Angles in [0, π] (rad).
+
+    Notes
+    -----
     The Frobenius norm of a − b is √8 sin(θ/2), which is accurate for small angles θ.
     """
     return 2 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=(1, 2)) / 8**0.5, 1.0))
@@ -117,7 +131,7 @@ def rotation_symbolic(omega: Any, angle: Any) -> "casadi.SX":
     (3, 3) expression
         Rotation matrix.
     """
-    import casadi
+    import casadi  # It takes long to import.
 
     if isinstance(omega, casadi.SX):
         projection = omega @ omega.T
@@ -145,7 +159,7 @@ def casadi_constant(value: Any) -> Any:
     casadi.DM or casadi.SX
         Sparse constant, or the unchanged expression.
     """
-    import casadi
+    import casadi  # It takes long to import.
 
     if isinstance(value, casadi.SX):
         return value

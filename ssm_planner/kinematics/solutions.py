@@ -64,9 +64,10 @@ def mark_and_sort(
     solutions : Solutions
         Solutions of n targets.
     limits : (4, 2) array or None
-        Smallest and largest joint positions (rad and m). None leaves `in_limits` unchanged.
+        Smallest and largest joint positions (rad, and m for joint 4). None leaves `in_limits`
+        unchanged.
     reference : (4,) or (n, 4) array or None
-        Joint positions (rad and m). None leaves the order unchanged.
+        Joint positions (rad, and m for joint 4). None leaves the order unchanged.
 
     Returns
     -------
@@ -94,9 +95,9 @@ def mark_within_limits(
     solutions : Solutions
         Solutions of n targets.
     limits : (4, 2) array
-        Smallest and largest joint positions (rad and m).
+        Smallest and largest joint positions (rad, and m for joint 4).
     reference : (4,) or (n, 4) array, optional
-        Joint positions (rad and m). The default is the middle of the limits.
+        Joint positions (rad, and m for joint 4). The default is the middle of the limits.
 
     Returns
     -------
@@ -130,10 +131,10 @@ def sort_by_distance(
     solutions : Solutions
         Solutions of n targets.
     reference : (4,) or (n, 4) array
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
     limits : (4, 2) array, optional
-        Smallest and largest joint positions (rad and m). Whole turns do not move a joint out of
-        these limits.
+        Smallest and largest joint positions (rad, and m for joint 4). Whole turns do not move a
+        joint out of these limits.
 
     Returns
     -------
@@ -171,8 +172,8 @@ def check_joint_limits(name: str, value: ArrayLike) -> Array:
     name : str
         Name of the argument. The error message contains it.
     value : (4, 2) array-like
-        Smallest and largest position of each joint (rad and m). Joints without limits have infinite
-        ones.
+        Smallest and largest position of each joint (rad, and m for joint 4). Joints without limits
+        have infinite ones.
 
     Returns
     -------
@@ -233,9 +234,9 @@ def _turn_centres(bounds: Array, reference: ArrayLike | None, count: int) -> Arr
     Parameters
     ----------
     bounds : (4, 2) array
-        Smallest and largest joint positions (rad and m).
+        Smallest and largest joint positions (rad, and m for joint 4).
     reference : (4,) or (n, 4) array or None
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
     count : int
         Number n of targets.
 
@@ -274,11 +275,12 @@ def _shift_into_range(joints: Array, centres: Array, bounds: Array) -> None:
     Parameters
     ----------
     joints : (n, k, 4) array
-        Joint positions (rad and m) of k solutions for each of n targets. The function changes them.
+        Joint positions (rad, and m for joint 4) of k solutions for each of n targets. The function
+        changes them.
     centres : (1, 1, 4) or (n, 1, 4) array
-        Positions of `_turn_centres` (rad and m).
+        Positions of `_turn_centres` (rad, and m for joint 4).
     bounds : (4, 2) array
-        Smallest and largest joint positions (rad and m).
+        Smallest and largest joint positions (rad, and m for joint 4).
     """
     for i in range(3):
         angle = nearest_turn(joints[..., i], centres[..., i])

@@ -63,9 +63,9 @@ def joints_of_task(
     Returns
     -------
     theta1, theta2, theta3, theta4 : array or expression
-        Joint positions (rad and m), each with the shape of the task coordinates. For a tilt outside
-        the workspace, CasADi expressions are NaN, and arrays contain the θ2 of the nearer end of
-        the tilt range.
+        Joint positions (rad, and m for joint 4), each with the shape of the task coordinates. For a
+        tilt outside the workspace, CasADi expressions are NaN, and arrays contain the θ2 of the
+        nearer end of the tilt range.
     """
     roll, tilt, spin, depth = task
     mech = mechanism
@@ -101,12 +101,12 @@ def task_of_joints(xp: Namespace, mechanism: Mechanism, q: FourComponents) -> tu
     mechanism : Mechanism
         Axes and tool frame.
     q : four arrays or expressions
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
 
     Returns
     -------
     roll, tilt, spin, depth : array or expression
-        Task coordinates (rad and m). The tilt has the sign of the home tilt.
+        Task coordinates (rad, and m for the depth). The tilt has the sign of the home tilt.
     """
     theta1, theta2, theta3, theta4 = q
     x = theta2 - mechanism.delta
@@ -119,7 +119,7 @@ def task_of_joints(xp: Namespace, mechanism: Mechanism, q: FourComponents) -> tu
 def task_rates_of_joints(
     xp: Namespace, mechanism: Mechanism, q: FourComponents, qd: FourComponents
 ) -> tuple[Any, ...]:
-    """Compute the time derivatives of the task coordinates of `task_of_joints`.
+    """Compute the time derivatives of the task coordinates.
 
     With x = θ2 − δ, the tilt φ, the azimuths ζ and η, and P, Q and E of the module `mechanism`,
     where P² + Q² = sin² φ:
@@ -138,14 +138,14 @@ def task_rates_of_joints(
     mechanism : Mechanism
         Axes and tool frame.
     q : four arrays or expressions
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
     qd : four arrays or expressions
-        Joint velocities (rad/s and m/s).
+        Joint velocities (rad/s, and m/s for joint 4).
 
     Returns
     -------
     roll_rate, tilt_rate, spin_rate, depth_rate : array or expression
-        Rates of the task coordinates (rad/s and m/s).
+        Rates of the task coordinates (rad/s, and m/s for the depth).
     """
     mech = mechanism
     speed1, speed2, speed3, speed4 = qd
@@ -239,10 +239,10 @@ def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None 
     mechanism : Mechanism
         Axes and tool frame.
     q : (4,) or (n, 4) array
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
     near : (4,) or (n, 4) array, optional
-        Task coordinates (rad and m) to which roll and spin are moved by whole turns as close as
-        possible. Without them, roll and spin are in (−π, π].
+        Task coordinates (rad, and m for the depth) to which roll and spin are moved by whole turns
+        as close as possible. Without them, roll and spin are in (−π, π].
 
     Returns
     -------
@@ -273,14 +273,14 @@ def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
     mechanism : Mechanism
         Axes and tool frame.
     q : (n, 4) array
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
     qd : (n, 4) array
-        Joint velocities (rad/s and m/s).
+        Joint velocities (rad/s, and m/s for joint 4).
 
     Returns
     -------
     (n, 4) array
-        Rates of roll, tilt, spin and depth (rad/s and m/s).
+        Rates of roll, tilt, spin and depth (rad/s, and m/s for the depth).
     """
     q = check_rows("q", q, 4)
     qd = check_rows("qd", qd, 4)
@@ -365,17 +365,17 @@ def joints_from_task_symbolic(
         Sign of sin(θ2 − δ), +1 or −1. The angle δ (`Mechanism.delta`) is the θ2 with the smallest
         angle between ω1 and the tool axis.
     reference : (4, 1) array or expression, optional
-        Joint positions (rad and m). Each revolute joint is moved by whole turns as close as
-        possible to its reference.
+        Joint positions (rad, and m for joint 4). Each revolute joint is moved by whole turns as
+        close as possible to its reference.
 
     Returns
     -------
     (4, 1) expression
-        Joint positions (rad and m). Without a reference, they are continuous along any path inside
-        the workspace. They are NaN outside the workspace. At its boundary, their derivatives are
-        infinite, because the mechanism is singular there.
+        Joint positions (rad, and m for joint 4). Without a reference, they are continuous along any
+        path inside the workspace. They are NaN outside the workspace. At its boundary, their
+        derivatives are infinite, because the mechanism is singular there.
     """
-    import casadi
+    import casadi  # It takes long to import.
 
     joints = list(joints_of_task(casadi_namespace(), mechanism, casadi.vertsplit(task), branch))
     if reference is not None:
@@ -409,7 +409,7 @@ def task_of_tip_symbolic(
     (4, 1) expression
         Roll, tilt and spin (rad), and depth (m).
     """
-    import casadi
+    import casadi  # It takes long to import.
 
     axial, y, z = casadi.vertsplit(mechanism.insertion_sign * casadi.DM(mechanism.frame.T) @ tip)
     # In a frame that is rolled by `roll`, the result is near the angle 0.
@@ -453,7 +453,7 @@ def task_from_joints_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.S
     mechanism : Mechanism
         Axes and tool frame.
     q : (4, 1) expression
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
 
     Returns
     -------
@@ -461,7 +461,7 @@ def task_from_joints_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.S
         Roll, tilt and spin (rad), and depth (m). The tilt has the sign of the home tilt. Roll and
         spin are not reduced to one turn.
     """
-    import casadi
+    import casadi  # It takes long to import.
 
     return casadi.vertcat(*task_of_joints(casadi_namespace(), mechanism, casadi.vertsplit(q)))
 
@@ -476,16 +476,16 @@ def task_rates_symbolic(mechanism: Mechanism, q: "casadi.SX", qd: "casadi.SX") -
     mechanism : Mechanism
         Axes and tool frame.
     q : (4, 1) expression
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
     qd : (4, 1) expression
-        Joint velocities (rad/s and m/s).
+        Joint velocities (rad/s, and m/s for joint 4).
 
     Returns
     -------
     (4, 1) expression
-        Rates of roll, tilt, spin and depth (rad/s and m/s).
+        Rates of roll, tilt, spin and depth (rad/s, and m/s for the depth).
     """
-    import casadi
+    import casadi  # It takes long to import.
 
     positions = casadi.vertsplit(q)
     velocities = casadi.vertsplit(qd)
@@ -506,14 +506,14 @@ def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:
     mechanism : Mechanism
         Axes and tool frame.
     q : (4,) array
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
     rate : (4,) array
-        Rates of roll, tilt, spin and depth (rad/s and m/s).
+        Rates of roll, tilt, spin and depth (rad/s, and m/s for the depth).
 
     Returns
     -------
     (4,) array
-        Joint velocities (rad/s and m/s).
+        Joint velocities (rad/s, and m/s for joint 4).
     """
     if not np.any(rate):
         return np.zeros(4)

@@ -58,7 +58,9 @@ class Extreme:
 
 
 def tilt_interval(mechanism: Mechanism) -> Range:
-    """Return the range of the tilt, with the sign that the tilt has at q = 0.
+    """Compute the range of the tilt, with the sign that the tilt has at home.
+
+    Home is the configuration q = 0.
 
     For the vitreoretinal robot it is (−139.778°, −79.778°).
 
@@ -77,7 +79,9 @@ def tilt_interval(mechanism: Mechanism) -> Range:
 
 
 def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
-    """Compute the configurations with the smallest and the largest |φ| (paper, eq. 8).
+    """Compute the configurations with the smallest and the largest magnitude of the tilt.
+
+    Source: paper, eq. 8.
 
     In these configurations, the axes of joints 1 and 2 and the tool axis lie in one plane. For θ1 =
     0, the tool axis is
@@ -187,7 +191,23 @@ def magnitude_range(name: str, tilt_range: Range) -> Range:
 
 
 def check_branch(branch: int) -> int:
-    """Return the branch unchanged. Raises GeometryError unless it is +1 or −1."""
+    """Check a branch of the inverse kinematics, and return it unchanged.
+
+    Parameters
+    ----------
+    branch : int
+        Sign of sin(θ2 − δ), +1 or −1.
+
+    Returns
+    -------
+    int
+        The branch.
+
+    Raises
+    ------
+    GeometryError
+        If the branch is neither +1 nor −1.
+    """
     if branch not in (1, -1):
         raise GeometryError(
             f"branch = {branch!r}: must be 1 or -1, the sign of sin(theta2 - delta)"
@@ -234,7 +254,7 @@ def smallest_singular_value(mechanism: Mechanism, q: ArrayLike) -> Array:
     mechanism : Mechanism
         Axes of the robot.
     q : (n, 4) array
-        Joint positions (rad and m).
+        Joint positions (rad, and m for joint 4).
 
     Returns
     -------
@@ -286,7 +306,17 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
 
 
 def _check_tilts(value: ArrayLike) -> Array:
-    """Return tilts (rad) as an array (...) of any shape.
+    """Check tilts, and return them as an array.
+
+    Parameters
+    ----------
+    value : (...) array-like
+        Tilts (rad), of any shape.
+
+    Returns
+    -------
+    (...) array
+        The same tilts.
 
     Raises
     ------
@@ -345,13 +375,18 @@ class DesignRegion:
         return alpha, beta
 
     def contains(self, alpha: float, beta: float) -> bool:
-        """Return True if a mechanism with the angles α and β reaches the range with the margin.
+        """Return whether a mechanism reaches the tilt range with the margin.
 
         Parameters
         ----------
         alpha, beta : float
             Angles α between the axes of joints 1 and 2, and β between those of joints 2 and 3
             (rad).
+
+        Returns
+        -------
+        bool
+            True also on the border of the region, up to rounding.
         """
         return design_margin(alpha, beta, self.tilt_range) >= self.margin - REGION_TOLERANCE
 
