@@ -18,7 +18,23 @@ STANDSTILL_SPEED = 0.005
 
 
 def required_friction(drive: Drive) -> Friction:
-    """Return the friction of a drive. Raises ProblemError if it has not been identified yet."""
+    """Return the friction of a drive, which must have been identified.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+
+    Returns
+    -------
+    Friction
+        Parameters of its friction law.
+
+    Raises
+    ------
+    ProblemError
+        If the friction has not been identified yet.
+    """
     if drive.friction is None:
         raise ProblemError(
             "its friction is still to be identified", file=drive.file, key="friction"
@@ -27,19 +43,24 @@ def required_friction(drive: Drive) -> Friction:
 
 
 def stribeck_shape(law: str | Array, x: Expression) -> Expression:
-    """Return s(x) in μ(w) = mu + mu_stribeck · s(x) with x = |w| / stribeck_speed.
+    """Compute how friction falls from its value at low speed as the speed grows (Stribeck effect).
 
-    s is 0 for `coulomb`, exp(−2x) for `stribeck_exponential`, as in the authors' package, and
-    exp(−x²) for `stribeck_gaussian`.
+    The shape s multiplies the term mu_stribeck of the friction coefficient. It is 0 for `coulomb`,
+    exp(−2x) for `stribeck_exponential`, as in the authors' package, and exp(−x²) for
+    `stribeck_gaussian`.
 
     Parameters
     ----------
     law : str or array of int
         Name of the law. An array of indices in `FRICTION_LAWS` evaluates many laws at once. It
-        broadcasts
-        against x.
+        broadcasts against x.
     x : array or CasADi expression
-        Values ≥ 0.
+        Values ≥ 0 of |w| / stribeck_speed, with the motor speed w.
+
+    Returns
+    -------
+    array or expression
+        Shape s, from 0 to 1.
     """
     if isinstance(law, np.ndarray):
         return sum(
@@ -82,9 +103,19 @@ def friction_coefficient(friction: Friction, w: Expression) -> Expression:
 
 
 def breakaway_coefficient(friction: Friction, w: Expression = 0.0) -> Expression:
-    """Return the friction coefficient at which a drive starts to move, with the shape of w.
+    """Compute the friction coefficient at which a drive starts to move.
 
-    It is the larger of mu_static and the kinetic coefficient at w (rad/s).
+    Parameters
+    ----------
+    friction : Friction
+        Parameters of the friction law.
+    w : float, array or expression
+        Motor speed (rad/s), which is 0 or very small.
+
+    Returns
+    -------
+    float, array or expression with the shape of w
+        The larger of mu_static and the kinetic coefficient at w.
     """
     return namespace_of(w).maximum(friction_coefficient(friction, w), friction.mu_static)
 

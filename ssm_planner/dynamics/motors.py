@@ -28,14 +28,38 @@ REST_FRACTION = 1e-9
 
 
 def motorised_joints(joints: Sequence[Joint]) -> Iterator[tuple[int, Drive, Motor]]:
-    """Yield the index, drive and motor of each joint that has a drive and a motor."""
+    """Yield the joints that have a drive and a motor.
+
+    Parameters
+    ----------
+    joints : sequence of Joint
+        Joints of a robot.
+
+    Yields
+    ------
+    index : int
+        Index of the joint.
+    drive, motor : Drive, Motor
+        Its drive and its motor.
+    """
     for i, joint in enumerate(joints):
         if joint.drive is not None and joint.motor is not None:
             yield i, joint.drive, joint.motor
 
 
 def joints_without_motor(joints: Sequence[Joint]) -> list[int]:
-    """Return the indices of the joints that lack a drive or a motor."""
+    """Return the indices of the joints that lack a drive or a motor.
+
+    Parameters
+    ----------
+    joints : sequence of Joint
+        Joints of a robot.
+
+    Returns
+    -------
+    list of int
+        Indices in ascending order.
+    """
     complete = {i for i, *_ in motorised_joints(joints)}
     return [i for i in range(len(joints)) if i not in complete]
 
@@ -112,7 +136,8 @@ def motor_torque_symbolic(
     robot : Robot
         Robot with its drives.
     q, qd, qdd : (4,)
-        Joint positions, velocities and accelerations (rad, m and s).
+        Joint positions, velocities and accelerations in rad, rad/s and rad/s² (joint 4: m, m/s and
+        m/s²).
     direction : (4,)
         Direction of each joint, +1 or −1, or 0 for a joint that rests while its drive holds it.
     breakaway : (4,)
@@ -212,7 +237,8 @@ def motion_directions_symbolic(
     robot : Robot
         Robot with the limits of its joints.
     qd, qdd, qddd : (4,)
-        Joint velocities, accelerations and jerks (rad, m and s).
+        Joint velocities, accelerations and jerks in rad/s, rad/s² and rad/s³ (joint 4: m/s, m/s²
+        and m/s³).
     side : int
         For joints at rest, +1 selects the instant just after, and −1 the one just before, see
         `joint_direction`.

@@ -51,7 +51,8 @@ def _newton_euler(
     base : (3,)
         Acceleration of the base, which is −g with the acceleration of gravity g.
     motion : three of (4,)
-        Joint positions q, velocities qd and accelerations qdd (rad, m and s).
+        Joint positions q, velocities qd and accelerations qdd in rad, rad/s and rad/s² (joint 4: m,
+        m/s and m/s²).
 
     Returns
     -------
@@ -144,7 +145,9 @@ def axis_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
 
 
 def load_parameters(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:
-    """Compute the numbers that determine the efforts of a robot, as the vector of `LOAD_LAYOUT`.
+    """Compute the numbers that determine the efforts of a robot.
+
+    They form the vector of `LOAD_LAYOUT`.
 
     Functions that are compiled once for several robots take these numbers as an argument.
 
@@ -184,15 +187,15 @@ def load_parameters(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array
 
 
 def efforts_from_parameters(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-    """Compute the joint efforts of `RigidBody.symbolic` for a robot that is given by numbers.
+    """Build the expressions of the joint efforts of a robot that is given by numbers.
 
     Parameters
     ----------
     inertias : (38,) expression
         Numbers of the robot in the order of `LOAD_LAYOUT`.
     q, qd, qdd : (4,) expressions
-        Joint positions, velocities and accelerations (rad, m and s). The second position must
-        include the offset that `axis_frames` returns.
+        Joint positions, velocities and accelerations in rad, rad/s and rad/s² (joint 4: m, m/s and
+        m/s²). The second position must include the offset that `axis_frames` returns.
 
     Returns
     -------
@@ -214,9 +217,17 @@ def efforts_from_parameters(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) ->
 
 
 def _rotation_about_y(turn: ca.SX) -> ca.SX:
-    """Return the matrix (3, 3) of a rotation about y.
+    """Build the matrix of a rotation about y.
 
-    `turn` (2,) is the cosine and the sine of the angle.
+    Parameters
+    ----------
+    turn : (2,) expression
+        Cosine and sine of the angle.
+
+    Returns
+    -------
+    (3, 3) expression
+        Rotation matrix.
     """
     cosine, sine = ca.vertsplit(turn)
     matrix = ca.SX(3, 3)
@@ -242,7 +253,7 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
     gravity : (3,)
         Acceleration of gravity in the base frame, m/s².
     q : (n, k, 4)
-        Joint positions in k configurations of each robot, rad and m.
+        Joint positions in k configurations of each robot, rad, and m for joint 4.
 
     Returns
     -------
@@ -287,9 +298,19 @@ def _static_load_function(gravity: tuple[float, ...]) -> ca.Function:
 
 
 def inertia_about_com(body: Body) -> Array:
-    """Return the inertia tensor about the centre of mass in the body frame, (3, 3), kg·m².
+    """Compute the inertia tensor of a body about its centre of mass.
 
-    It follows from the parallel-axis theorem.
+    The tensor follows from the one about the origin by the parallel-axis theorem.
+
+    Parameters
+    ----------
+    body : Body
+        Body with its mass, its centre of mass and its inertia about the origin.
+
+    Returns
+    -------
+    (3, 3) array
+        Inertia tensor in the body frame, kg·m².
     """
     c = body.com
     return body.inertia - body.mass * (c @ c * np.eye(3) - np.outer(c, c))
@@ -338,14 +359,17 @@ class RigidBody:
         return _latest_dynamics[2]
 
     def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
-        """Compute the joint efforts τ = M(q) q̈ + C(q, q̇) q̇ + g(q) of many samples.
+        """Compute the joint efforts that produce a motion, for many samples.
+
+        The efforts are τ = M(q) q̈ + C(q, q̇) q̇ + g(q).
 
         M is the mass matrix, C q̇ the Coriolis and centrifugal effort, and g the effort of gravity.
 
         Parameters
         ----------
         q, qd, qdd : (n, 4) array
-            Joint positions q, velocities q̇ and accelerations q̈ (rad, m and s).
+            Joint positions q, velocities q̇ and accelerations q̈ in rad, rad/s and rad/s² (joint 4:
+            m, m/s and m/s²).
 
         Returns
         -------
@@ -360,7 +384,7 @@ class RigidBody:
         Parameters
         ----------
         q : (n, 4) array
-            Joint positions (rad and m).
+            Joint positions (rad, and m for joint 4).
 
         Returns
         -------
@@ -384,7 +408,7 @@ class RigidBody:
         Parameters
         ----------
         q : (n, 4) array
-            Joint positions on the path (rad and m).
+            Joint positions on the path (rad, and m for joint 4).
         dq, ddq : (n, 4) array
             First and second derivatives q' and q'' with respect to s.
 
@@ -397,12 +421,13 @@ class RigidBody:
         return a, b, c
 
     def effort_parts(self, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array, Array]:
-        """Compute the three parts of the joint efforts that `inverse_dynamics` adds.
+        """Compute the three parts of the joint efforts: inertia, velocity and gravity.
 
         Parameters
         ----------
         q, qd, qdd : (n, 4) array
-            Joint positions q, velocities q̇ and accelerations q̈ (rad, m and s).
+            Joint positions q, velocities q̇ and accelerations q̈ in rad, rad/s and rad/s² (joint 4:
+            m, m/s and m/s²).
 
         Returns
         -------
@@ -418,7 +443,7 @@ class RigidBody:
         Parameters
         ----------
         q : (n, 4) array
-            Joint positions (rad and m).
+            Joint positions (rad, and m for joint 4).
 
         Returns
         -------
@@ -439,7 +464,8 @@ class RigidBody:
         Parameters
         ----------
         q, qd, qdd : (4,) expressions
-            Joint positions, velocities and accelerations (rad, m and s).
+            Joint positions, velocities and accelerations in rad, rad/s and rad/s² (joint 4: m, m/s
+            and m/s²).
 
         Returns
         -------
@@ -488,6 +514,11 @@ class RigidBody:
             True for the parts of `path_load`, whose arguments are q and its derivatives with
             respect to the path. False for those of `effort_parts`, whose arguments are q and its
             time derivatives.
+
+        Returns
+        -------
+        casadi.Function
+            Function of three vectors (4,) that returns the three parts, (4,) each.
         """
         q = ca.SX.sym("q", 4)
         dq = ca.SX.sym("first", 4)
@@ -518,7 +549,18 @@ _latest_dynamics: tuple[tuple[Any, ...], bytes, RigidBody] | None = None
 
 @lru_cache(maxsize=16)
 def _cached_dynamics(content: bytes) -> RigidBody:
-    """Build the dynamics from pickled geometry, bodies and gravity, or return an earlier result."""
+    """Build the dynamics from pickled data, or return the earlier result for equal data.
+
+    Parameters
+    ----------
+    content : bytes
+        Pickled tuple of geometry, bodies and acceleration of gravity.
+
+    Returns
+    -------
+    RigidBody
+        Dynamics of the robot.
+    """
     return RigidBody(*pickle.loads(content))
 
 
@@ -534,6 +576,11 @@ def with_payload(robot: Robot, mass: float) -> Robot:
         Robot without the payload.
     mass : float
         Mass of the payload, kg.
+
+    Returns
+    -------
+    Robot
+        The changed robot, or the same one for a mass of 0.
 
     Raises
     ------

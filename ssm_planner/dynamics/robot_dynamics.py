@@ -17,7 +17,10 @@ from ssm_planner.typing import Array
 
 @checked
 def inverse_dynamics(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
-    """Return the joint efforts τ = M(q) q̈ + C(q, q̇) q̇ + g(q) of the rigid bodies.
+    """Compute the joint efforts that move the rigid bodies.
+
+    The efforts are τ = M(q) q̈ + C(q, q̇) q̇ + g(q), with the mass matrix M, the Coriolis and
+    centrifugal effort C q̇, and the effort of gravity g.
 
     They are computed by the recursive Newton–Euler algorithm (Featherstone, Rigid Body Dynamics
     Algorithms, 2008, §5.3). Friction and the inertia of the motors are not included. See
@@ -28,7 +31,8 @@ def inverse_dynamics(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) 
     robot : Robot
         Robot whose bodies move.
     q, qd, qdd : (4,) or (n, 4)
-        Joint positions, velocities and accelerations in rad, m and s.
+        Joint positions, velocities and accelerations in rad, rad/s and rad/s² (joint 4: m, m/s and
+        m/s²).
 
     Returns
     -------
@@ -64,7 +68,8 @@ def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> A
     robot : Robot
         Robot with drives.
     q, qd, qdd : (4,) or (n, 4)
-        Joint positions, velocities and accelerations in rad, m and s.
+        Joint positions, velocities and accelerations in rad, rad/s and rad/s² (joint 4: m, m/s and
+        m/s²).
 
     Returns
     -------
@@ -91,9 +96,23 @@ def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> A
 
 
 def _samples(q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Samples:
-    """Return samples without times and jerks.
+    """Convert the arguments of a public function to samples without times and jerks.
 
-    Raises GeometryError if the arguments differ in length.
+    Parameters
+    ----------
+    q, qd, qdd : (4,) or (n, 4) array-like
+        Joint positions, velocities and accelerations in rad, rad/s and rad/s² (joint 4: m, m/s and
+        m/s²).
+
+    Returns
+    -------
+    Samples
+        n samples. Their times and jerks are 0.
+
+    Raises
+    ------
+    GeometryError
+        If a shape is wrong, a value is not finite, or the arguments differ in length.
     """
     rows = [check_rows(name, x, 4) for name, x in (("q", q), ("qd", qd), ("qdd", qdd))]
     if len({len(values) for values in rows}) > 1:

@@ -32,13 +32,35 @@ class MassMoments:
     second: Array
 
     def __add__(self, moments: "MassMoments") -> "MassMoments":
-        """Return the moments of both groups of solids together."""
+        """Compute the moments of both groups of solids together.
+
+        Parameters
+        ----------
+        moments : MassMoments
+            Moments of the other group.
+
+        Returns
+        -------
+        MassMoments
+            The sums.
+        """
         return MassMoments(
             self.mass + moments.mass, self.first + moments.first, self.second + moments.second
         )
 
     def rotated(self, rotation: Array) -> "MassMoments":
-        """Return the moments of the solid after a rotation (3, 3)."""
+        """Compute the moments of the solid after a rotation about the origin.
+
+        Parameters
+        ----------
+        rotation : (3, 3) array
+            Rotation matrix.
+
+        Returns
+        -------
+        MassMoments
+            Moments of the rotated solid.
+        """
         return MassMoments(self.mass, rotation @ self.first, rotation @ self.second @ rotation.T)
 
     @property
@@ -53,58 +75,86 @@ class MassMoments:
 
 
 def point_moments(mass: float, position: Array) -> MassMoments:
-    """Return the moments of a point mass (kg) at a position (3,), m."""
-    return MassMoments(mass, mass * position, mass * np.outer(position, position))
-
-
-def box_moments(mass: float, position: Array, size: Array) -> MassMoments:
-    """Return the moments of a box about the origin.
+    """Compute the moments of a point mass.
 
     Parameters
     ----------
     mass : float
         Mass, kg.
-    position : (3,)
-        Centre of the box, m.
-    size : (3,)
-        Lengths of the edges, which are parallel to the axes, m.
+    position : (3,) array
+        Position of the point, m.
+
+    Returns
+    -------
+    MassMoments
+        Moments about the origin.
     """
+    return MassMoments(mass, mass * position, mass * np.outer(position, position))
+
+
+def box_moments(mass: float, position: Array, size: Array) -> MassMoments:
+    """Compute the moments of a box about the origin.
+
+    Parameters
+    ----------
+    mass : float
+        Mass, kg.
+    position : (3,) array
+        Centre of the box, m.
+    size : (3,) array
+        Lengths of the edges, which are parallel to the axes, m.
+
+    Returns
+    -------
+    MassMoments
+        Moments of the box.
+    """
+    # The second moment of an edge of length a about its middle is mass a² / 12.
     moments = point_moments(mass, position)
     return MassMoments(mass, moments.first, moments.second + mass / 12 * np.diag(np.square(size)))
 
 
 def rod_moments(start: Array, end: Array, diameter: float, density: float) -> MassMoments:
-    """Return the moments of a straight round rod about the origin.
+    """Compute the moments of a straight round rod about the origin.
 
     Parameters
     ----------
-    start, end : (3,)
+    start, end : (3,) arrays
         Ends of the centre line, m.
     diameter : float
         Diameter, m.
     density : float
         Density, kg/m³.
+
+    Returns
+    -------
+    MassMoments
+        Moments of the rod.
     """
     vector = end - start
     length = float(np.linalg.norm(vector))
     mass = density * math.pi / 4 * diameter**2 * length
     direction = np.outer(vector, vector) / length**2
-    spread = mass * (length**2 / 12 * direction + diameter**2 / 16 * (np.eye(3) - direction))
+    # About its middle, the second moment is mass length²/12 along the rod and mass diameter²/16 in
+    # both directions across it.
+    central_moment = mass * (
+        length**2 / 12 * direction + diameter**2 / 16 * (np.eye(3) - direction)
+    )
     moments = point_moments(mass, (start + end) / 2)
-    return MassMoments(mass, moments.first, moments.second + spread)
+    return MassMoments(mass, moments.first, moments.second + central_moment)
 
 
 def arc_moments(
     start: Array, end: Array, radius: float, section: tuple[float, float], density: float
 ) -> MassMoments:
-    """Return the moments of a bar with a rectangular section that is curved around the origin.
+    """Compute the moments of a bar with a rectangular section that is curved around the origin.
 
     The moments are integrated exactly in a frame with its x axis towards `start` and its z axis
     across the plane of the arc.
 
     Parameters
     ----------
-    start, end : (3,)
+    start, end : (3,) arrays
         Unit vectors towards both ends, less than 180° apart.
     radius : float
         Radius of the centre line, m.
@@ -112,6 +162,11 @@ def arc_moments(
         Width in the plane of the arc and height across this plane, m.
     density : float
         Density, kg/m³.
+
+    Returns
+    -------
+    MassMoments
+        Moments of the bar about the origin.
     """
     across = np.cross(start, end)
     width, height = section
@@ -125,6 +180,7 @@ def arc_moments(
     sine = math.sin(angle)
     cosine = math.cos(angle)
     mass = moment_0 * angle
+    # Integrals of cos², cos sin and sin² over the angle of the arc.
     plane = moment_2 * np.array(
         [
             [(angle + sine * cosine) / 2, sine**2 / 2, 0],

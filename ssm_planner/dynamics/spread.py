@@ -107,6 +107,7 @@ class FrictionSpread:
             sets = self.posterior.values(count)
             return np.column_stack([sets[name] for name in self.names]) - self.mean
         mean = np.where(self.mean > 0, self.mean, 1.0)
+        # The logarithms of log-normal quantities have the covariance ln(1 + C_ij / (m_i m_j)).
         spread = np.log1p(np.maximum(self.covariance / np.outer(mean, mean), -0.999))
         values, vectors = np.linalg.eigh(spread)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -161,7 +162,18 @@ class FrictionSpread:
         return sets
 
     def draws(self, name: str) -> Array:
-        """Return `LINEARISED_DRAWS` random values (draws,) of the uncertain parameter `name`."""
+        """Draw random values of one uncertain parameter.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter, one of `names`.
+
+        Returns
+        -------
+        (draws,) array
+            `LINEARISED_DRAWS` values, in SI units.
+        """
         return self.values(self.deviations(LINEARISED_DRAWS))[name]
 
     def mu_ends(self, drive: Drive, confidence: float) -> Range:
@@ -228,7 +240,7 @@ def friction_spread(drive: Drive, relative: float | None = None) -> FrictionSpre
 
 
 def _posterior_spread(drive: Drive, posterior: Posterior) -> FrictionSpread:
-    """Return the uncertainty that the posterior of an identification describes.
+    """Compute the uncertainty that the posterior of an identification describes.
 
     Parameters with a stated range are removed from the posterior. The offset of the load is not a
     friction parameter and is removed as well. The means are the values in the drive file, and the
@@ -240,6 +252,11 @@ def _posterior_spread(drive: Drive, posterior: Posterior) -> FrictionSpread:
         Drive with its friction and stated ranges.
     posterior : Posterior
         Equally likely sets of parameter values.
+
+    Returns
+    -------
+    FrictionSpread
+        Stated ranges, and statistics of the other parameters.
     """
     ranges = dict(drive.friction_ranges)
     names = tuple(name for name in posterior.names if name != LOAD_OFFSET and name not in ranges)
@@ -321,9 +338,20 @@ def drive_with_values(drive: Drive, values: Mapping[str, Any]) -> Drive:
 def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
     """Return the value of an uncertain parameter in the drive file.
 
-    The drive file has no Stribeck speed if its friction law does not use one. In this case, the
-    result is the median of the posterior. The value of `LAW_COLUMN` is the index of the friction
-    law.
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    name : str
+        Name of the parameter. The value of `LAW_COLUMN` is the index of the friction law.
+    posterior : Posterior
+        Equally likely sets of parameter values.
+
+    Returns
+    -------
+    float
+        Value in SI units. If the friction law uses no Stribeck speed, the drive file does not state
+        one, and the result is the median of the posterior.
     """
     friction = required_friction(drive)
     if name == LAW_COLUMN:
@@ -334,6 +362,18 @@ def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
 
 def _parameter_value(drive: Drive, name: str) -> float:
     """Return the preload or a friction parameter of a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    name : str
+        "preload", or the name of a friction parameter.
+
+    Returns
+    -------
+    float
+        Value in SI units.
 
     Raises
     ------
@@ -347,7 +387,7 @@ def _parameter_value(drive: Drive, name: str) -> float:
 
 
 def _check_covariance(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
-    """Raise ProblemError unless a matrix is a covariance.
+    """Raise an error unless a matrix is a covariance.
 
     A covariance is finite and symmetric, and has no negative variance or eigenvalue. Both tests use
     the matrix that is scaled to unit variances, so that the units of the parameters do not matter,
@@ -361,6 +401,11 @@ def _check_covariance(drive: Drive, names: tuple[str, ...], covariance: Array) -
         Names of the k parameters.
     covariance : (k, k) array
         The matrix.
+
+    Raises
+    ------
+    ProblemError
+        If the matrix is not a covariance.
     """
     if not names:
         return
@@ -376,7 +421,22 @@ def _check_covariance(drive: Drive, names: tuple[str, ...], covariance: Array) -
 
 
 def _covariance_error(drive: Drive, reason: str, allowed: str | None = None) -> ProblemError:
-    """Return the error for an invalid covariance."""
+    """Build the error for an invalid covariance.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its file, which the error names.
+    reason : str
+        Reason why the covariance is invalid.
+    allowed : str, optional
+        Description of the permitted values.
+
+    Returns
+    -------
+    ProblemError
+        The error, which the caller raises.
+    """
     return ProblemError(
         f"not a covariance: {reason}", file=drive.file, key="friction.covariance", allowed=allowed
     )

@@ -43,7 +43,9 @@ from ssm_planner.typing import Array, Expression, record
 
 
 def friction_angle(drive: Drive, mu: Expression) -> Array:
-    """Compute the friction angle φ = atan(μ / cos θ_n) of the mesh.
+    """Compute the friction angle of the mesh.
+
+    The friction angle is φ = atan(μ / cos θ_n).
 
     θ_n is the pressure angle of the thread in its normal section (`drive.pressure_angle`). A thread
     with friction behaves like one without friction whose lead angle is larger by φ
@@ -149,7 +151,7 @@ def output_effort(
     tau_rigid : float, array or expression
         Effort τ_rigid of the rigid bodies, gravity and external loads (N·m or N).
     qd, qdd : float, array or expression
-        Velocity q̇ and acceleration q̈ of the joint (rad or m, and s).
+        Velocity q̇ (rad/s or m/s) and acceleration q̈ (rad/s² or m/s²) of the joint.
     direction : optional
         Value ±1 that replaces sgn(q̇) for a joint at standstill.
 
@@ -376,6 +378,7 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
     lower = breakaway_torque(drive, tau_rigid, -1, mu)
     upper = breakaway_torque(drive, tau_rigid, 1, mu)
     xp = namespace_of(lower, upper)
+    # The value of [lower, upper] that is nearest to 0. Jamming can exchange both ends.
     return xp.minimum(xp.maximum(0.0, xp.minimum(lower, upper)), xp.maximum(lower, upper))
 
 
@@ -504,5 +507,6 @@ def motor_acceleration(
     driven = (tau - rows.torque(rows.slope[1] * effort, w, 0.0)) / driving_inertia
     output = drive.output_inertia / drive.ratio
     xp = namespace_of(opposed, driven, direction)
+    # The first solution holds if its effort opposes the motion.
     wd = xp.where(direction * (effort + output * opposed) >= 0, opposed, driven)
     return wd, effort + output * wd
