@@ -189,7 +189,9 @@ class NativeElements:
         count: int,
         location: Location,
     ) -> None:
-        """Build the data of the C functions. The object keeps the memory of all arrays alive.
+        """Build the data of the C functions.
+
+        The object keeps the memory of all arrays alive.
 
         Parameters
         ----------
@@ -274,7 +276,7 @@ class NativeElements:
 def _parameter_arrays(
     element: ElementModel, constant_arrays: Arrays, parameters: Sequence[Array], count: int
 ) -> dict[str, Any]:
-    """Return the arrays of `_ElementsStruct` that depend on the parameters of a model, by name.
+    """Build the arrays of `_ElementsStruct` that depend on the parameters of a model.
 
     Parameters
     ----------
@@ -287,6 +289,11 @@ def _parameter_arrays(
         a motion along one), and the vector in the order of the model's `layout`.
     count : int
         Number of elements.
+
+    Returns
+    -------
+    dict of arrays
+        Arrays by their names in `POINTER_MEMBERS`.
     """
     sigma, *fit_parameters, packed = parameters
     slices = element.layout.slices
@@ -314,7 +321,18 @@ def _parameter_arrays(
 
 
 def _addresses(arrays: Arrays) -> dict[str, int]:
-    """Return the addresses of the first entries of arrays, by their names."""
+    """Return the addresses of the first entries of arrays.
+
+    Parameters
+    ----------
+    arrays : dict of arrays
+        Arrays by name. The caller must keep them alive.
+
+    Returns
+    -------
+    dict of int
+        Addresses by the same names.
+    """
     return {name: values.__array_interface__["data"][0] for name, values in arrays.items()}
 
 
@@ -335,7 +353,7 @@ class _ElementInputs:
 
 @lru_cache(maxsize=64)
 def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs:
-    """Return the data of the C functions that do not depend on parameters.
+    """Build the data of the C functions that do not depend on parameters.
 
     Parameters
     ----------
@@ -344,6 +362,11 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
     location : str
         Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`. Only torque rows are
         evaluated at "breakaway", and the cost only at "collocation".
+
+    Returns
+    -------
+    _ElementInputs
+        Arrays, number of active rows, and offset of joint 2.
     """
     breakaway = location == "breakaway"
     rows = element.indexed_rows
@@ -377,7 +400,19 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
 
 
 def _free_motion_arrays(element: FreeElement) -> dict[str, Any]:
-    """Return the arrays of `_ElementsStruct` that differ for free motions, by name."""
+    """Build the arrays of `_ElementsStruct` that only free motions need.
+
+    Parameters
+    ----------
+    element : FreeElement
+        Model of one element of the mesh.
+
+    Returns
+    -------
+    dict of array-like
+        Indices of the moving joints ("moving"), rigid bodies with each payload ("load"), and the
+        numbers of `MECHANISM_LAYOUT` and `EYE_LAYOUT` ("mechanism" and "eye").
+    """
     mechanism, eye = _mechanism_and_eye_values(element.mechanism, element.eye)
     load = [
         load_parameters(load.geometry, load.bodies, load.gravity) for load in element.robot.loads
@@ -386,7 +421,10 @@ def _free_motion_arrays(element: FreeElement) -> dict[str, Any]:
 
 
 def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array, Array]:
-    """Return the data of all a actuations (see `rows.Actuation`), sorted by payload.
+    """Build the arrays that describe the actuations of a robot in C.
+
+    An actuation is a joint with one of its possible drives and payloads (see `rows.Actuation`). The
+    arrays are sorted by payload.
 
     Parameters
     ----------
@@ -398,7 +436,7 @@ def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array,
     Returns
     -------
     actuation : (a, 3) array of int
-        Joint, index of the payload, and index of the law (`_law_index`).
+        Joint, index of the payload, and index of the law (`_law_index`) of each of a actuations.
     drives : (a, DRIVE_LAYOUT.size) array
         Numbers of `DRIVE_LAYOUT`.
     """
@@ -410,24 +448,25 @@ def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array,
     actuation = actuation.reshape(-1, 3)
     if breakaway:
         # The first law of friction in `FRICTION_LAWS` has a constant coefficient.
+        # The index of a law is len(FRICTION_LAWS) · torque law + friction law.
         actuation[:, 2] -= actuation[:, 2] % len(FRICTION_LAWS)
     return actuation, drives.reshape(-1, DRIVE_LAYOUT.size)
 
 
 def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
-    """Return the data of the k motors whose torque is part of the cost.
+    """Build the arrays that describe the motors in the cost in C.
 
     If the cost is the effort, joints without a motor are included, with `ACCELERATION_DRIVE`.
 
     Parameters
     ----------
     element : ElementModel or None
-        Model of one element of the mesh. None: there is no cost to evaluate (k = 0).
+        Model of one element of the mesh. With None, there is no cost to evaluate.
 
     Returns
     -------
     cost : (k, 2) array of int
-        Joint, and index of the law (`_law_index`).
+        Joint, and index of the law (`_law_index`), of each of k motors. k is 0 without a cost.
     drives : (k, DRIVE_LAYOUT.size) array
         Numbers of `DRIVE_LAYOUT`.
     """
@@ -466,6 +505,7 @@ def _interleaved_fits(fits: Array) -> Array:
     group_count = math.ceil(len(fits) / ELEMENTS_PER_VECTOR)
     indices = np.minimum(np.arange(group_count * ELEMENTS_PER_VECTOR), len(fits) - 1)
     padded = fits[indices]
+    # The first two numbers are the centre and the half width of the interval of the fit.
     by_degree = padded[:, 2:].reshape(len(padded), FIT_DEGREE + 1, -1)
     by_curve = by_degree.transpose(0, 2, 1).reshape(len(padded), -1)
     elements = np.hstack([padded[:, :2], by_curve])
@@ -473,10 +513,13 @@ def _interleaved_fits(fits: Array) -> Array:
 
 
 def compiled_library() -> ctypes.CDLL | None:
-    """Return the compiled part of the package, or None if it cannot evaluate elements.
+    """Return the compiled part of the package if it can evaluate elements.
 
-    It cannot if it does not exist, or if another package has added a tool speed, which the C code
-    does not contain.
+    Returns
+    -------
+    ctypes.CDLL or None
+        The library. None if it does not exist, or if another package has added a tool speed, which
+        the C code does not contain.
     """
     return load() if list(SPEED_JACOBIANS) == [TipSpeed] else None
 
@@ -487,7 +530,7 @@ def native_elements(
     count: int,
     location: Location = "collocation",
 ) -> NativeElements | None:
-    """Return the C functions of an element model, or None without the compiled part.
+    """Build the C functions of an element model for given parameters.
 
     Parameters
     ----------
@@ -499,6 +542,11 @@ def native_elements(
         Number n of elements.
     location : str
         Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`.
+
+    Returns
+    -------
+    NativeElements or None
+        The functions. None without the compiled part of the package.
     """
     library = compiled_library()
     if library is None:
@@ -614,6 +662,16 @@ class _LatestElements:
         """Return the C functions for given parameter vectors.
 
         If the parameters equal those of the previous call, the result is the same object.
+
+        Parameters
+        ----------
+        parameters : list of arrays
+            Parameter vectors of the model in one dimension, as CasADi passes them.
+
+        Returns
+        -------
+        NativeElements
+            The functions at all elements.
         """
         cached = self._cached
         if cached is None or not all(map(np.array_equal, cached[0], parameters)):
@@ -633,20 +691,43 @@ class MappedElements:
     """The `ElementFunctions` of a model, evaluated in C for n elements, for a program of CasADi."""
 
     def __init__(self, library: ctypes.CDLL, element: ElementModel, count: int) -> None:
-        """Prepare the functions of an element model for `count` elements."""
+        """Prepare the functions of an element model for several elements.
+
+        Parameters
+        ----------
+        library : ctypes.CDLL
+            The compiled part of the package.
+        element : ElementModel
+            Model of one element of the mesh.
+        count : int
+            Number n of elements.
+        """
         self._elements = _LatestElements(library, element, count)
         self._functions: list[_ElementsCallback] = []
 
     def function(self, function: ca.Function) -> ca.Function:
-        """Return a callback that replaces one of `ElementFunctions`, mapped over the elements.
+        """Build a callback that replaces one of `ElementFunctions`, mapped over the elements.
 
         CasADi does not keep the callback alive. It exists as long as this object.
+
+        Parameters
+        ----------
+        function : casadi.Function
+            One of `ElementFunctions` for a single element.
+
+        Returns
+        -------
+        casadi.Function
+            The callback for all elements.
         """
         self._functions.append(_ElementsCallback(self._elements, function.name(), function))
         return self._functions[-1]
 
     def check(self) -> None:
-        """Raise the first exception that a callback has stored since the last check, if any."""
+        """Raise the first exception that a callback has stored since the last check.
+
+        The method does nothing if no callback has stored one.
+        """
         failures = self._elements.failures[:]
         self._elements.failures.clear()
         if failures:
@@ -654,13 +735,28 @@ class MappedElements:
 
 
 def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
-    """Return the C functions of an element model for CasADi, or None without the compiled part."""
+    """Build the C functions of an element model as functions of CasADi.
+
+    Parameters
+    ----------
+    element : ElementModel
+        Model of one element of the mesh.
+    count : int
+        Number of elements.
+
+    Returns
+    -------
+    MappedElements or None
+        The functions. None without the compiled part of the package.
+    """
     library = compiled_library()
     return None if library is None else MappedElements(library, element, count)
 
 
 def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -> Array:
-    """Evaluate the path constraints at all `DENSE_POINTS` of each element.
+    """Evaluate the path constraints at nine points of each element.
+
+    The points are `DENSE_POINTS`.
 
     The refinement of a motion calls this function to find constraints that are violated between the
     collocation points.
@@ -696,6 +792,16 @@ def _law_index(drive: Drive) -> int:
 
     The functions are sorted by `TORQUE_LAWS`, then by `FRICTION_LAWS`. Only screws with two nuts
     have the second torque law.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive of the joint.
+
+    Returns
+    -------
+    int
+        Index, from 0.
     """
     friction = required_friction(drive)
     law = "coulomb" if friction.stribeck_speed is None else friction.law
@@ -704,7 +810,7 @@ def _law_index(drive: Drive) -> int:
 
 
 def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:
-    """Return the numbers of `DRIVE_LAYOUT` for a drive.
+    """Collect the numbers that describe a drive in C.
 
     Parameters
     ----------
@@ -734,10 +840,10 @@ def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False
 
 
 def _equivalent_thread_values(drive: Drive, mu: float) -> dict[str, float]:
-    """Return numbers of a thread without gear stages that has the same torque law as a drive.
+    """Compute the numbers of a thread without gear stages that has the same torque law as a drive.
 
     The C code contains no gear stages before the thread. A self-locking mesh always opposes the
-    motor, so the stages only change the effort arm `gamma` of the drive. For another mesh, this
+    motor, so the stages only change the lever arm `gamma` of the drive. For another mesh, this
     function finds a thread with the same efficiencies in both directions.
 
     Parameters
@@ -773,9 +879,21 @@ def _equivalent_thread_values(drive: Drive, mu: float) -> dict[str, float]:
 
 
 def _mechanism_and_eye_values(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Array]:
-    """Return the numbers of `MECHANISM_LAYOUT` and those of `EYE_LAYOUT`.
+    """Collect the numbers that describe the kinematics and the eye in C.
 
-    Without an eye or lens, the latter are not used, and their values do not matter.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Kinematics of the robot.
+    eye : Eye or None
+        Eye with the retina and the lens.
+
+    Returns
+    -------
+    mechanism_values : (MECHANISM_LAYOUT.size,) array
+        Numbers of `MECHANISM_LAYOUT`.
+    eye_values : (EYE_LAYOUT.size,) array
+        Numbers of `EYE_LAYOUT`. Those of a missing eye or lens are not used.
     """
     frames, angles, offset = axis_frames((mechanism.omega1, mechanism.omega2, mechanism.omega3))
     angle = sum(angles)

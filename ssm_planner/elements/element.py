@@ -113,11 +113,24 @@ class ElementModel(ABC):
 
     @abstractmethod
     def state(self, z: ca.SX, c: float) -> ca.SX:
-        """Return the state x_c (k,) at the fraction c of the element z (4 m + 1,)."""
+        """Build the expression of the state at one instant of an element.
+
+        Parameters
+        ----------
+        z : (4 m + 1,) casadi.SX
+            Vector of the element.
+        c : float
+            Fraction of the length of the element, from 0 to 1.
+
+        Returns
+        -------
+        (k,) casadi.SX
+            State x_c.
+        """
 
     @abstractmethod
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """Return the motion and the limits of the joints in state x (k,), in SI units.
+        """Build the expressions of the motion and the limits of the joints in one state.
 
         Parameters
         ----------
@@ -125,11 +138,29 @@ class ElementModel(ABC):
             State.
         *p : casadi.SX
             Parameter vectors with the sizes in `parameters`.
+
+        Returns
+        -------
+        Instant
+            Expressions in SI units.
         """
 
     @abstractmethod
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Return all path constraints in state x (k,) for the parameter vectors p."""
+        """Build the path constraints in one state.
+
+        Parameters
+        ----------
+        x : (k,) casadi.SX
+            State.
+        *p : casadi.SX
+            Parameter vectors with the sizes in `parameters`.
+
+        Returns
+        -------
+        list of PathConstraint
+            All path constraints, also those that are not active.
+        """
 
     @property
     @abstractmethod
@@ -146,7 +177,7 @@ class ElementModel(ABC):
         """Index of the first torque row in native/elements.c."""
 
     def __eq__(self, other: object) -> bool:
-        """Return True if both models have the same Functions."""
+        """Return whether both models have the same Functions."""
         return isinstance(other, ElementModel) and self.key == other.key
 
     def __hash__(self) -> int:
@@ -158,12 +189,36 @@ class ElementModel(ABC):
         return 4 * self.coordinates + 1
 
     def cubic(self, z: ca.SX) -> CubicPiece:
-        """Return the coordinates on the element z as a cubic with coefficients (m,)."""
+        """Return the coordinates on an element as a cubic polynomial of time.
+
+        Parameters
+        ----------
+        z : (4 m + 1,) casadi.SX
+            Vector of the element.
+
+        Returns
+        -------
+        CubicPiece
+            Polynomial whose coefficients have the shape (m,).
+        """
         m = self.coordinates
         return CubicPiece(*ca.vertsplit(z, [0, m, 2 * m, 3 * m, 4 * m, 4 * m + 1]))
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
-        """Return the states x_c (k,) at the points `COLLOCATION_POINTS`."""
+        """Build the states at the collocation points of an element.
+
+        These are the `COLLOCATION_POINTS`: start, middle and end.
+
+        Parameters
+        ----------
+        z : (4 m + 1,) casadi.SX
+            Vector of the element.
+
+        Returns
+        -------
+        list of (k,) casadi.SX
+            One state x_c for each point.
+        """
         return [self.state(z, c) for c in COLLOCATION_POINTS]
 
     @cached_property
@@ -239,13 +294,37 @@ class ElementModel(ABC):
         return joints
 
     def parameter_symbols(self, symbol_class: type[Symbol]) -> list[Symbol]:
-        """Return symbols of the parameter vectors p, of the class casadi.SX or MX."""
+        """Create symbols of the parameter vectors p.
+
+        Parameters
+        ----------
+        symbol_class : type
+            casadi.SX or casadi.MX.
+
+        Returns
+        -------
+        list of casadi.SX or casadi.MX
+            One symbol for each parameter vector.
+        """
         return [
             symbol_class.sym(f"p{i}", parameter.size) for i, parameter in enumerate(self.parameters)
         ]
 
     def _active_rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Return the path constraints in state x (k,) that the Functions contain."""
+        """Build the path constraints in one state that the Functions contain.
+
+        Parameters
+        ----------
+        x : (k,) casadi.SX
+            State.
+        *p : casadi.SX
+            Parameter vectors.
+
+        Returns
+        -------
+        list of PathConstraint
+            The active constraints, in the order of g.
+        """
         return [
             row
             for row in self.rows(x, *p)
@@ -253,7 +332,18 @@ class ElementModel(ABC):
         ]
 
     def _symbols(self, size: int) -> list[ca.SX]:
-        """Return symbols of a vector (size,), x or z, and of the parameter vectors p."""
+        """Create the symbols of the inputs of a Function.
+
+        Parameters
+        ----------
+        size : int
+            Length of the first input, a state x or a vector z.
+
+        Returns
+        -------
+        list of casadi.SX
+            First input, and parameter vectors p.
+        """
         return [ca.SX.sym("x", size)] + self.parameter_symbols(ca.SX)
 
 
@@ -261,10 +351,20 @@ Model = TypeVar("Model", bound=ElementModel)
 
 
 def shared_model(element: Model) -> Model:
-    """Return the model equal to `element` that was created first, or `element` itself.
+    """Return the first model that equals a given one, so that its Functions are built only once.
 
     Equal models have the same Functions. A model builds them when they are first needed, and keeps
-    them, so a shared model builds them only once.
+    them.
+
+    Parameters
+    ----------
+    element : ElementModel
+        A model.
+
+    Returns
+    -------
+    ElementModel
+        The equal model that was created first, or `element` itself.
     """
     return cast(Model, _first_equal_model(element))
 
@@ -279,7 +379,18 @@ def _first_equal_model(element: ElementModel) -> ElementModel:
 
 
 def _row_values(rows: list[PathConstraint]) -> ca.SX:
-    """Return the values of path constraints as a column (rows,)."""
+    """Stack the values of path constraints in one column.
+
+    Parameters
+    ----------
+    rows : list of PathConstraint
+        The constraints.
+
+    Returns
+    -------
+    (rows,) casadi.SX
+        Their values. The column is empty without constraints.
+    """
     values = [row.value for row in rows]
     return ca.vertcat(ca.SX(0, 1), *values)
 
@@ -305,11 +416,7 @@ class ElementFunctions:
 
 @lru_cache(maxsize=24)
 def element_functions(element: ElementModel) -> ElementFunctions:
-    """Return the rows and the cost of an element, with exact derivatives by CasADi.
-
-    With the multipliers λ_c (r,) of the point c, and Simpson's weights w_c, the Functions compute
-
-        G(z) = [g(x_c)]_c,   L(z) = h Σ_c w_c ℓ(x_c),   ∇²(Σ_c λ_cᵀ g(x_c) + κ L).
+    """Build the rows and the cost of an element, with exact derivatives by CasADi.
 
     Parameters
     ----------
@@ -320,6 +427,11 @@ def element_functions(element: ElementModel) -> ElementFunctions:
     -------
     ElementFunctions
         The Functions.
+
+    Notes
+    -----
+    With the multipliers λ_c (r,) of the point c, and Simpson's weights w_c, the Functions compute
+        G(z) = [g(x_c)]_c,   L(z) = h Σ_c w_c ℓ(x_c),   ∇²(Σ_c λ_cᵀ g(x_c) + κ L).
     """
     z = ca.SX.sym("z", element.size)
     p = element.parameter_symbols(ca.SX)
@@ -333,13 +445,14 @@ def element_functions(element: ElementModel) -> ElementFunctions:
     if element.cost is not None:
         # The cost L, and its part κ L of the Lagrangian.
         weighted = (w * element.cost(x, *p) for x, w in zip(states, SIMPSON_WEIGHTS, strict=True))
+        # The last entry of z is the length h of the element.
         integral = z[-1] * sum(weighted, start=ca.SX(0))
         kappa = ca.SX.sym("kappa")
         lagrangian += kappa * integral
         multipliers = ca.vertcat(multipliers, kappa)
         cost = ca.Function("cost", inputs, [integral])
-        slope = ca.densify(ca.gradient(integral, z))
-        gradient = ca.Function("gradient", inputs, [integral, slope])
+        cost_gradient = ca.densify(ca.gradient(integral, z))
+        gradient = ca.Function("gradient", inputs, [integral, cost_gradient])
     hessian = ca.hessian(lagrangian, z)[0]
     return ElementFunctions(
         ca.Function("rows", inputs, [rows]),

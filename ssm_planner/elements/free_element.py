@@ -117,9 +117,19 @@ class FreeElement(ElementModel):
         return len(self.moving)
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
-        """Return u, u̇ and ü of all joints at the fraction c of an element, (12,).
+        """Build the expression of u, u̇ and ü of all joints at one instant of an element.
 
-        They are 0 for joints that do not move.
+        Parameters
+        ----------
+        z : (4 m + 1,) casadi.SX
+            Vector of the element with m moving joints.
+        c : float
+            Fraction of the length of the element, from 0 to 1.
+
+        Returns
+        -------
+        (12,) casadi.SX
+            u, u̇ and ü of the four joints. They are 0 for joints that do not move.
         """
         x = ca.SX.zeros(12)
         for order, values in enumerate(self.cubic(z).evaluate(c)):
@@ -127,9 +137,21 @@ class FreeElement(ElementModel):
         return x
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """Return the motion and the limits of the joints in state x (12,), in SI units.
+        """Build the expressions of the motion and the limits of the joints in one state.
 
         The speeds of the tool and their limits are squared.
+
+        Parameters
+        ----------
+        x : (12,) casadi.SX
+            State: u, u̇ and ü of the four joints.
+        *p : casadi.SX
+            Directions σ (4,) of the joints, and the vector in the order of `layout`.
+
+        Returns
+        -------
+        Instant
+            Expressions in SI units.
         """
         sigma, packed = p
         limits = self.layout.unpack(packed)
@@ -151,7 +173,20 @@ class FreeElement(ElementModel):
         )
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Return the rows of tool speeds, motor torques, task ranges, task rates and the eye."""
+        """Build the path constraints in one state.
+
+        Parameters
+        ----------
+        x : (12,) casadi.SX
+            State: u, u̇ and ü of the four joints.
+        *p : casadi.SX
+            Directions σ (4,) of the joints, and the vector in the order of `layout`.
+
+        Returns
+        -------
+        list of PathConstraint
+            Rows of tool speeds, motor torques, task ranges, task rates and the eye.
+        """
         instant = self.instant(x, *p)
         parameters = self.layout.unpack(p[1])
         q, qd, _ = _joint_motion(x, parameters)
@@ -213,14 +248,16 @@ class FreeElement(ElementModel):
 
 
 def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
-    """Return the rows that keep `RANGE_LIMITED_COORDINATES` in their ranges.
+    """Build the rows that keep roll and spin in their ranges.
+
+    The coordinates are those of `RANGE_LIMITED_COORDINATES`.
 
     Parameters
     ----------
     mechanism : Mechanism
         Kinematics of the robot.
     q : (4,) casadi.SX
-        Joint positions, rad and m.
+        Joint positions, rad, and m for joint 4.
     parameters : SimpleNamespace
         Values of `FreeElement.layout`.
 
@@ -242,14 +279,16 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
 def rate_rows(
     mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace
 ) -> list[PathConstraint]:
-    """Return the rows that limit the rates of `RATE_LIMITED_COORDINATES`.
+    """Build the rows that limit the rates of roll, tilt and spin.
+
+    The coordinates are those of `RATE_LIMITED_COORDINATES`.
 
     Parameters
     ----------
     mechanism : Mechanism
         Kinematics of the robot.
     q, qd : (4,) casadi.SX
-        Joint positions and velocities, rad and m.
+        Joint positions in rad and velocities in rad/s (joint 4: m and m/s).
     parameters : SimpleNamespace
         Values of `FreeElement.layout`.
 
@@ -268,7 +307,7 @@ def rate_rows(
 
 
 def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathConstraint]:
-    """Return the rows that keep the tip at a distance from the retina and from the lens.
+    """Build the rows that keep the tip at a distance from the retina and from the lens.
 
     Parameters
     ----------
@@ -277,20 +316,26 @@ def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[Pa
     mechanism : Mechanism
         Kinematics of the robot.
     q : (4,) casadi.SX
-        Joint positions, rad and m.
+        Joint positions, rad, and m for joint 4.
     easing : casadi.SX
         Amount by which the row of the retina may exceed 1.
+
+    Returns
+    -------
+    list of PathConstraint
+        One row for the retina and, if the eye has a lens, one for the lens.
     """
     rows = []
     tip = tip_position_symbolic(mechanism, q)
     for name, value in eye_constraints(casadi_namespace(), eye, (tip[0], tip[1], tip[2])).items():
+        # The expressions of the eye are at most 0, and a row is at most 1.
         excess = easing if name == RetinaClearance.name else 0
         rows.append(PathConstraint(name, None, value + 1 - excess))
     return rows
 
 
 def _joint_motion(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return q, q̇ and q̈ in SI units, (4,) each.
+    """Convert the state of a free motion to joint positions, velocities and accelerations.
 
     Parameters
     ----------
@@ -298,5 +343,10 @@ def _joint_motion(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
         State u, u̇ and ü of all joints in scaled time.
     p : SimpleNamespace
         Values of `FreeElement.layout`. Its q0, d and time_scale define the scaled units.
+
+    Returns
+    -------
+    q, qd, qdd : (4,) casadi.SX
+        Positions, velocities and accelerations in SI units.
     """
     return p.q0 + p.d * x[:4], p.d * x[4:8] / p.time_scale, p.d * x[8:12] / p.time_scale**2

@@ -92,7 +92,9 @@ class _KernelWriter:
         values: Sequence[Any],
         kinds: str = "at by bend",
     ) -> None:
-        """Add the C functions of one part of the model: NAME_at, NAME_by and NAME_bend.
+        """Add the C functions of one part of the model.
+
+        Their names are NAME_at, NAME_by and NAME_bend.
 
         Parameters
         ----------
@@ -119,7 +121,9 @@ class _KernelWriter:
             self.function(f"{name}_bend", {**inputs, "lam": lam}, {"bend": bend}, adds=True)
 
     def function(self, name: str, inputs: Symbols, outputs: Symbols, *, adds: bool = False) -> None:
-        """Add one C function. Its outputs are dense arrays, row by row.
+        """Add one C function.
+
+        Its outputs are dense arrays, row by row.
 
         The function only writes entries that are not structurally zero.
 
@@ -149,6 +153,7 @@ class _KernelWriter:
             arguments,
             VECTOR_EXPRESSIONS,
         )
+        # Compilers warn of an output without nonzeros, which only a linear part has (`bend`).
         if not all(argument.size for argument in arguments):
             text = text.replace("{\n", "{\n    (void)bend;\n", 1)
         for long, short in ABBREVIATIONS.items():
@@ -157,9 +162,24 @@ class _KernelWriter:
 
 
 def _pack_statements(text: str) -> str:
-    """Put as many statements of a C function on each line as `MAX_LINE_LENGTH` allows."""
+    """Put as many statements of a C function on each line as fit.
+
+    A line has at most `MAX_LINE_LENGTH` characters.
+
+    Parameters
+    ----------
+    text : str
+        Definition of the function with one statement on each line.
+
+    Returns
+    -------
+    str
+        The same definition with fewer lines.
+    """
     statements = text.split("\n")
-    lines = statements[:2]  # the declaration and the opening brace
+    # The first two lines are the declaration and the opening brace, and the last two are the
+    # closing brace and an empty line.
+    lines = statements[:2]
     line = ""
     for statement in map(str.strip, statements[2:-2]):
         if len(line) + len(statement) >= MAX_LINE_LENGTH:
@@ -170,7 +190,9 @@ def _pack_statements(text: str) -> str:
 
 
 def kernels_text() -> str:
-    """Return the text of native/kernels.h.
+    """Generate the text of the C header with the physical laws.
+
+    The header is native/kernels.h.
 
     It consists of the sizes of all arrays and the positions of their entries as macros, and of the
     C functions of all parts of an element.
@@ -211,6 +233,11 @@ def _write_posture_rows(writer: _KernelWriter) -> int:
     Subexpressions that depend only on the robot, the eye and the limits do not change during a
     solve. The C function `prepare` computes them once.
 
+    Parameters
+    ----------
+    writer : _KernelWriter
+        Collector of the C functions, which is extended.
+
     Returns
     -------
     int
@@ -244,7 +271,7 @@ def _write_posture_rows(writer: _KernelWriter) -> int:
 
 
 def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
-    """Return the rows of a free motion by the names of their C functions.
+    """Build the rows of a free motion that depend on the positions and velocities of the joints.
 
     Parameters
     ----------
@@ -253,6 +280,11 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
         and `FreeElement.layout`.
     y : (12,) casadi.SX
         Joint positions, velocities and accelerations, in the frames of `rigid_body.axis_frames`.
+
+    Returns
+    -------
+    dict of list of casadi.SX
+        Values of the rows by the names of their C functions.
     """
     xp = casadi_namespace()
     q, qd, _ = _split_state(y)
@@ -264,6 +296,8 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
         setattr(mechanism, name, ca.vertcat(x, 0, z))
     mechanism.omega1 = ca.SX([0, 0, 1])
     mechanism.tool_home = ca.SX.eye(3)
+    # The formulas of the package read these attributes. The lens has its own part, and its frame
+    # is already divided by the semi-axes, which are therefore 1.
     eye.lens = None
     lens: Any = SimpleNamespace(
         centre=_object_array(eye.lens_centre), semi_axes=_object_array(ca.SX.ones(3))
@@ -290,6 +324,11 @@ def _write_drive_torques(writer: _KernelWriter) -> None:
     """Add the rows of a motor's torque, and the torque relative to its nominal value ("pull").
 
     There is one part of each for every torque law (one mesh, or two nuts) and law of friction.
+
+    Parameters
+    ----------
+    writer : _KernelWriter
+        Collector of the C functions, which is extended.
     """
     drive_symbols = _symbols("drive", DRIVE_LAYOUT.size)
     sigma = _symbols("sigma", 1)
@@ -312,7 +351,13 @@ def _write_drive_torques(writer: _KernelWriter) -> None:
 
 
 def _write_path_motion(writer: _KernelWriter) -> None:
-    """Add the motion, the load and the tool speed of one joint along a path."""
+    """Add the motion, the load and the tool speed of one joint along a path.
+
+    Parameters
+    ----------
+    writer : _KernelWriter
+        Collector of the C functions, which is extended.
+    """
     x = _symbols("x", 5)
     packed = _symbols("limits", StraightElement.layout.size)
     fit_range = _symbols("place", 2)
@@ -347,6 +392,11 @@ def _write_joint_limits(writer: _KernelWriter) -> None:
     """Add the rows of velocity, stop, acceleration and jerk of one joint along a path.
 
     The part "sense" contains the rows of one direction, and "pace" those of acceleration and jerk.
+
+    Parameters
+    ----------
+    writer : _KernelWriter
+        Collector of the C functions, which is extended.
     """
     v = _symbols("v", 3)
     sigma = _symbols("sigma", 1)
@@ -378,6 +428,11 @@ def _write_states(writer: _KernelWriter) -> None:
 
     The part "state" serves free motions, and "line" serves motions along a path. The input `hull`
     is 1 if the middle Bernstein coefficient replaces the velocity ṡ_b, and otherwise 0.
+
+    Parameters
+    ----------
+    writer : _KernelWriter
+        Collector of the C functions, which is extended.
     """
     z = _symbols("z", 5)
     share = _symbols("share", 1)
@@ -393,19 +448,53 @@ def _write_states(writer: _KernelWriter) -> None:
 
 
 def _symbols(name: str, size: int) -> ca.SX:
-    """Return the symbols of a vector (size,)."""
+    """Create the symbols of a vector.
+
+    Parameters
+    ----------
+    name : str
+        Name of the symbols.
+    size : int
+        Length of the vector.
+
+    Returns
+    -------
+    (size,) casadi.SX
+        The symbols.
+    """
     return ca.SX.sym(name, size)
 
 
 def _split_state(y: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return q, q̇ and q̈, (4,) each, from the state y (12,)."""
+    """Divide the state of a free motion into positions, velocities and accelerations.
+
+    Parameters
+    ----------
+    y : (12,) casadi.SX
+        State.
+
+    Returns
+    -------
+    q, qd, qdd : (4,) casadi.SX
+        Joint positions, velocities and accelerations.
+    """
     return y[:4], y[4:8], y[8:12]
 
 
 def _object_array(value: ca.SX) -> Any:
-    """Return the n entries of an expression as a NumPy array (n,) of expressions.
+    """Convert an expression to a NumPy array of expressions.
 
     The kinematic formulas for arrays then apply to it.
+
+    Parameters
+    ----------
+    value : casadi.SX
+        Expression with n entries.
+
+    Returns
+    -------
+    (n,) array of casadi.SX
+        The entries in column-major order.
     """
     array = np.empty(value.numel(), dtype=object)
     array[:] = ca.vertsplit(ca.vec(value))

@@ -69,7 +69,9 @@ TIP_SPEED_INDEX = list(SPEED_JACOBIANS).index(TipSpeed)
 
 
 def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
-    """Return the limits of joints and motors by their names in `LIMIT_SIZES`.
+    """Collect the limits of joints and motors.
+
+    Their names are those in `LIMIT_SIZES`.
 
     The velocity limit of a joint is the smaller one of its own limit and of that which follows from
     the largest speed of its motor.
@@ -102,7 +104,9 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
 
 
 def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
-    """Return the limits of the tool by their names in `LIMIT_SIZES`.
+    """Collect the limits of the tool.
+
+    Their names are those in `LIMIT_SIZES`.
 
     Parameters
     ----------
@@ -130,6 +134,11 @@ def tool_row_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[
     moving : collection of int
         Indices of the joints that move. The limit of the stop travel, the distance that the tool
         travels while the robot stops, has one row for each of them.
+
+    Returns
+    -------
+    set of (str, int or None)
+        Name of the limit, and index of the joint for a stop travel. Other rows have no joint.
     """
     names: set[RowName] = set()
     for limit in limits:
@@ -149,11 +158,16 @@ def with_margin(robot: Robot, share: float) -> Robot:
         The robot.
     share : float
         Share by which the limits of velocity, acceleration and motor torque are reduced.
+
+    Returns
+    -------
+    Robot
+        The changed robot.
     """
     factor = 1 - share
 
     def reduced(joint: Joint) -> Joint:
-        """Return a joint with smaller limits."""
+        """Multiply the limits of a joint and of its motor by the factor."""
         motor = joint.motor
         if motor is not None:
             motor = unchecked_copy(motor, max_torque=motor.max_torque * factor)
@@ -169,11 +183,21 @@ def with_margin(robot: Robot, share: float) -> Robot:
 
 
 def robot_key(robot: Robot) -> bytes:
-    """Return a key of all properties of a robot that are constants in an element model.
+    """Compute a key of all properties of a robot that are constants in an element model.
 
     These are geometry, bodies, gravity, drives and nominal torques, but no limits, which are
-    parameters. If two keys are equal, the robots have the same properties. Robots with the same
-    properties may have different keys. The program is then built twice.
+    parameters.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+
+    Returns
+    -------
+    bytes
+        The key. If two keys are equal, the robots have the same properties. Robots with the same
+        properties may have different keys. The program is then built twice.
     """
     drives = [joint.drive for joint in robot.joints]
     nominal = [
@@ -187,7 +211,18 @@ def robot_key(robot: Robot) -> bytes:
 
 
 def limits_jerk(robot: Robot) -> bool:
-    """Return True if any joint has a jerk limit."""
+    """Return whether any joint of a robot has a jerk limit.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+
+    Returns
+    -------
+    bool
+        True if at least one joint has such a limit.
+    """
     return any(joint.jerk is not None for joint in robot.joints)
 
 
@@ -281,7 +316,7 @@ class Instant:
 
 
 def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
-    """Return the rows of all kinematic limits along a path.
+    """Build the rows of all kinematic limits along a path.
 
     They are the rows of the tool speeds, and those of the velocity, acceleration, jerk and stop of
     every joint. The rows of stops impose the same limit as `retiming.constraints.braking_travel`
@@ -295,6 +330,11 @@ def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> l
         Joints of the robot.
     jerk : bool
         True if the rows of the jerk are included.
+
+    Returns
+    -------
+    list of PathConstraint
+        Rows of the tool speeds, followed by those of each joint.
     """
     rows = speed_rows(instant)
     for i, joint in enumerate(joints):
@@ -305,7 +345,7 @@ def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> l
 
 
 def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
-    """Return the velocity row of joint i in one direction, and the two rows of its stop.
+    """Build the velocity row of one joint in one direction, and the two rows of its stop.
 
     The rows of the stop limit the distance d that the tip travels while the joint brakes. With
     the tip speed v and the acceleration limit a, they are v q̇/(2 d) ≤ a and v q̇/(2 d) − q̈ ≤
@@ -319,6 +359,11 @@ def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list
         Index of the joint.
     sense : casadi.SX or int
         Direction, +1 or −1.
+
+    Returns
+    -------
+    list of three PathConstraint
+        Row of the velocity, and both rows of the stop.
     """
     bounds = instant.limits
     speed = sense * instant.qd_hull[i]
@@ -331,7 +376,7 @@ def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list
 
 
 def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstraint]:
-    """Return the rows of acceleration and jerk of one joint in both directions.
+    """Build the rows of acceleration and jerk of one joint in both directions.
 
     Parameters
     ----------
@@ -341,6 +386,11 @@ def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstrai
         Index of the joint.
     jerk : bool
         True if the row of the jerk follows that of the acceleration in each direction.
+
+    Returns
+    -------
+    list of two or four PathConstraint
+        Rows of the positive direction, followed by those of the negative one.
     """
     rows = []
     for side in (1, -1):
@@ -353,7 +403,18 @@ def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstrai
 
 
 def speed_rows(instant: Instant) -> list[PathConstraint]:
-    """Return the rows of all speeds of the tool that a problem may limit."""
+    """Build the rows of all speeds of the tool that a problem may limit.
+
+    Parameters
+    ----------
+    instant : Instant
+        Motion and limits at one instant.
+
+    Returns
+    -------
+    list of PathConstraint
+        One row for each tool speed in the order of `SPEED_JACOBIANS`.
+    """
     return [
         PathConstraint(limit_class.name, None, instant.speeds[k] / instant.limits.speeds[k])
         for k, limit_class in enumerate(SPEED_JACOBIANS)
@@ -361,7 +422,7 @@ def speed_rows(instant: Instant) -> list[PathConstraint]:
 
 
 def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> list[PathConstraint]:
-    """Return the torque rows of every motor, with exact friction in the direction of motion.
+    """Build the torque rows of every motor, with exact friction in the direction of motion.
 
     If the friction or the payload of the robot is a range, there are rows for each of its extremes.
 
@@ -374,6 +435,12 @@ def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> l
     breakaway : bool
         True for an instant at which the joints start to move. The static friction coefficient then
         applies.
+
+    Returns
+    -------
+    list of PathConstraint
+        For each possible drive and payload of a joint, two rows of a driving motor, one row of a
+        braking motor, or all three.
     """
     rows = []
     for i, k, load, drive, sides in _actuations(robot):
@@ -391,16 +458,12 @@ def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> l
 def torque_row_values(
     torques: tuple[ca.SX, ca.SX], limit: ca.SX
 ) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX]]:
-    """Return the values of the torque rows of a driving and of a braking motor.
+    """Compute the values of the torque rows of a driving and of a braking motor.
 
     The torque σ τ in the direction of motion is the larger one of two functions τ_1 and τ_2. A
     driving motor keeps its limit if both functions are at most the limit. A braking motor keeps it
-    if the larger function is at least −limit. With the relative torques r = τ / limit, and with
-    ε = `BRAKING_ROW_SMOOTHING`, a smooth function replaces the maximum in this row:
-
-        max(r_1, r_2) ≈ (r_1 + r_2)/2 + √((r_1 − r_2)²/4 + ε²) − ε.
-
-    This function never exceeds the exact maximum, so the row is on the safe side.
+    if the larger function is at least −limit. A smooth function replaces the maximum in this row.
+    It never exceeds the exact maximum, so the row is on the safe side.
 
     Parameters
     ----------
@@ -415,6 +478,11 @@ def torque_row_values(
         Values of the rows of a driving motor.
     braking : tuple of one casadi.SX
         Value of the row of a braking motor.
+
+    Notes
+    -----
+    With the relative torques r = τ / limit, and with ε = `BRAKING_ROW_SMOOTHING`, the maximum is
+        max(r_1, r_2) ≈ (r_1 + r_2)/2 + √((r_1 − r_2)²/4 + ε²) − ε.
     """
     torque_1, torque_2 = torques
     half = (torque_1 - torque_2) / (2 * limit)
@@ -433,7 +501,18 @@ limit that the rows impose (1 for a driving motor, −1 for a braking motor).
 
 
 def _actuations(robot: Robot) -> list[Actuation]:
-    """Return the possible drives and payloads of all joints, sorted by joint."""
+    """List the possible drives and payloads of all joints, sorted by joint.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+
+    Returns
+    -------
+    list of Actuation
+        One entry for each possible drive and payload of a joint.
+    """
     actuations = []
     for i in range(4):
         for k, (load, drive, sides) in enumerate(robot.actuations(i)):
@@ -442,15 +521,27 @@ def _actuations(robot: Robot) -> list[Actuation]:
 
 
 def actuations_by_load(robot: Robot) -> list[Actuation]:
-    """Return the possible drives and payloads of all joints, sorted by payload.
+    """List the possible drives and payloads of all joints, sorted by payload.
 
     native/elements.c has this order, because it computes the torques of one payload after another.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+
+    Returns
+    -------
+    list of Actuation
+        One entry for each possible drive and payload of a joint.
     """
     return sorted(_actuations(robot), key=lambda item: item[2])
 
 
 def indexed_torque_rows(robot: Robot, start: int) -> list[IndexedRow]:
-    """Return the names of the rows of `torque_rows`, and their indices in native/elements.c.
+    """Return the names of the torque rows, and their indices in the C code.
+
+    The rows are those of `torque_rows`, and the C code is native/elements.c.
 
     Parameters
     ----------
@@ -458,9 +549,15 @@ def indexed_torque_rows(robot: Robot, start: int) -> list[IndexedRow]:
         Robot whose drives and motors the rows represent.
     start : int
         Index of the first torque row in native/elements.c.
+
+    Returns
+    -------
+    list of IndexedRow
+        Name, joint and index of each row, in the order of `torque_rows`.
     """
     indices = {}
     for position, (i, k, *_) in enumerate(actuations_by_load(robot)):
+        # Each actuation has three rows: two of a driving motor and one of a braking motor.
         indices[i, k] = start + 3 * position
     rows: list[IndexedRow] = []
     for i, k, _, _, sides in _actuations(robot):
@@ -471,7 +568,9 @@ def indexed_torque_rows(robot: Robot, start: int) -> list[IndexedRow]:
 
 
 def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
-    """Return the names of the rows of `kinematic_rows`, and their indices in native/elements.c.
+    """Return the names of the kinematic rows, and their indices in the C code.
+
+    The rows are those of `kinematic_rows`, and the C code is native/elements.c.
 
     Parameters
     ----------
@@ -479,11 +578,18 @@ def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
         Robot whose limits the rows represent.
     jerk : bool
         True if the rows of the jerk are included.
+
+    Returns
+    -------
+    list of IndexedRow
+        Name, joint and index of each row, in the order of `kinematic_rows`.
     """
     rows: list[IndexedRow] = [
         (limit_class.name, None, k) for k, limit_class in enumerate(SPEED_JACOBIANS)
     ]
     for i, joint in enumerate(robot.joints):
+        # Each of both directions has three rows of velocity and stop, then the rows of acceleration
+        # and jerk of both directions follow.
         index = len(SPEED_JACOBIANS) + ROWS_PER_JOINT * i
         for side in range(2 if joint.drive is None else 1):
             names = JointVelocity.name, StopTravel.name, StopTravel.name
@@ -496,31 +602,72 @@ def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
 
 
 def torque_row_names(robot: Robot, i: int) -> set[RowName]:
-    """Return the names of the torque rows of joint i, one for each of its actuations."""
+    """Return the names of the torque rows of a joint, one for each of its actuations.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+    i : int
+        Index of the joint.
+
+    Returns
+    -------
+    set of (str, int)
+        Name of the torque limit, and joint + 4 k for the actuation k (see `RowName`).
+    """
     return {(MotorTorque.name, i + 4 * k) for k in range(len(robot.actuations(i)))}
 
 
 def heat_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Return Σ (τ_motor/τ_nominal)² over the motors.
+    """Build the cost of the heat of all motors at one instant.
 
-    The heat that a motor's windings produce is proportional to its square of the torque.
+    The cost is Σ (τ_motor/τ_nominal)² over the motors, because the heat that a motor's winding
+    produces is proportional to the square of its torque.
+
+    Parameters
+    ----------
+    instant : Instant
+        Motion and limits at one instant.
+    joints : tuple of Joint
+        Joints of the robot.
+
+    Returns
+    -------
+    casadi.SX
+        Cost (dimensionless).
     """
     return ca.sumsqr(_relative_torques(instant, joints))
 
 
 def cooling_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Return Σ w (τ_motor/τ_nominal)² over the motors, with the weights w = `limits.cooling`."""
+    """Build the cost of the heat of the motors at one instant, with one weight for each motor.
+
+    The cost is Σ w (τ_motor/τ_nominal)² over the motors, with the weights w = `limits.cooling`.
+
+    Parameters
+    ----------
+    instant : Instant
+        Motion and limits at one instant, with the weights.
+    joints : tuple of Joint
+        Joints of the robot.
+
+    Returns
+    -------
+    casadi.SX
+        Cost (dimensionless).
+    """
     weights = [instant.limits.cooling[i] for i, *_ in motorised_joints(joints)]
     return ca.dot(ca.vertcat(ca.SX(0, 1), *weights), _relative_torques(instant, joints) ** 2)
 
 
 def effort_cost(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Return Σ ((τ_motor − τ_slow)/τ_nominal)² + MOTORLESS_COST_WEIGHT Σ (q̈/q̈_max)².
+    """Build the cost of the torque that the speed of the motion needs at one instant.
 
-    The first sum is over the motors. τ_slow is the torque of an infinitely slow motion at the same
-    position. It overcomes friction and weight, which are present at any speed. If their heat
-    counted, the cost would reward standing still where they are small. The second sum is over the
-    joints without a motor or drive, which have no torque to compare.
+    The cost compares the torque of each motor with that of an infinitely slow motion at the same
+    position. The latter overcomes friction and weight, which are present at any speed. If their
+    heat counted, the cost would reward standing still where they are small. Joints without a motor
+    or drive have no torque to compare, so their accelerations count instead.
 
     Parameters
     ----------
@@ -530,6 +677,16 @@ def effort_cost(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> c
         The same instant without velocity and acceleration.
     joints : tuple of Joint
         Joints of the robot.
+
+    Returns
+    -------
+    casadi.SX
+        Cost (dimensionless).
+
+    Notes
+    -----
+    The cost is Σ ((τ_motor − τ_slow)/τ_nominal)² + MOTORLESS_COST_WEIGHT Σ (q̈/q̈_max)², where the
+    first sum is over the motors, and the second one over the joints without a motor or drive.
     """
     accelerations = [
         instant.qdd[i] / instant.limits.acceleration[i] for i in joints_without_motor(joints)
@@ -542,7 +699,20 @@ def effort_cost(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> c
 
 
 def _relative_torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Return σ τ_motor/τ_nominal of every motor, (motors,), from `smooth_torque`."""
+    """Build the smoothed torque of every motor, relative to its nominal torque.
+
+    Parameters
+    ----------
+    instant : Instant
+        Motion and limits at one instant.
+    joints : tuple of Joint
+        Joints of the robot.
+
+    Returns
+    -------
+    (motors,) casadi.SX
+        σ τ_motor/τ_nominal of each motor, see `smooth_torque`.
+    """
     values = [
         smooth_torque(drive, instant, i, motor.nominal_torque)
         for i, drive, motor in motorised_joints(joints)
@@ -551,12 +721,9 @@ def _relative_torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 
 
 def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.SX:
-    """Return σ τ_motor/τ_nominal of joint i, smoothed.
+    """Build the smoothed torque of one motor, relative to its nominal torque.
 
-    The exact torque is the larger one of two functions. With their values a and b relative to the
-    nominal torque, a smooth function replaces the maximum:
-
-        max(a, b) ≈ (a + b)/2 + √((a − b)²/4 + COST_SMOOTHING²).
+    The exact torque is the larger one of two functions. A smooth function replaces the maximum.
 
     Parameters
     ----------
@@ -568,6 +735,16 @@ def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.
         Index of the joint.
     nominal : float
         Nominal torque of the motor, N·m.
+
+    Returns
+    -------
+    casadi.SX
+        σ τ_motor/τ_nominal, the relative torque in the direction of motion.
+
+    Notes
+    -----
+    With the values a and b of both functions, relative to the nominal torque, the maximum is
+        max(a, b) ≈ (a + b)/2 + √((a − b)²/4 + COST_SMOOTHING²).
     """
     torque_1, torque_2 = directed_torques(drive, instant, i, breakaway=False)
     torque_1 = torque_1 / nominal
@@ -578,7 +755,7 @@ def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.
 def directed_torques(
     drive: Drive, instant: Instant, i: int, *, breakaway: bool, load: int = 0
 ) -> tuple[ca.SX, ca.SX]:
-    """Return the two functions whose maximum is the motor torque σ τ_motor.
+    """Build the two functions whose maximum is the motor torque in the direction of motion.
 
     One function applies while the motor drives the mesh of the worm or thread, the other one while
     the load drives the mesh (`dynamics.motor_torque_rows`). For a drive with two nuts they are
@@ -609,6 +786,7 @@ def directed_torques(
     w = drive.ratio * instant.qd[i]
     wd = drive.ratio * instant.qdd[i]
     mu = breakaway_coefficient(friction) if breakaway else friction_coefficient(friction, sigma * w)
+    # The four efforts with the first payload precede those with the second one, and so on.
     tau_rigid = instant.tau_rigid[4 * load + i]
     effort = output_effort(drive, tau_rigid, instant.qd[i], instant.qdd[i], sigma)
     rows = motor_torque_rows(drive, sigma, mu)

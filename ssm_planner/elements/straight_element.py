@@ -74,23 +74,59 @@ class StraightElement(ElementModel):
         return "straight", robot_key(self.robot), self.jerk, self.active, self.aim
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
-        """Return s, ṡ, s̈, s⃛ and ṡ_b = ṡ at the fraction c of an element, (5,)."""
+        """Build the expression of the state at one instant of an element.
+
+        Parameters
+        ----------
+        z : (5,) casadi.SX
+            Vector of the element with one coordinate, the path parameter s.
+        c : float
+            Fraction of the length of the element, from 0 to 1.
+
+        Returns
+        -------
+        (5,) casadi.SX
+            s, ṡ, s̈, s⃛ and ṡ_b. Here ṡ_b is equal to ṡ.
+        """
         cubic = self.cubic(z)
         s, speed, acceleration = cubic.evaluate(c)
         return ca.vertcat(s, speed, acceleration, cubic.jerk, speed)
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
-        """Return the states at the collocation points, with Bernstein coefficients of ṡ as ṡ_b.
+        """Build the states at the collocation points, with Bernstein coefficients of ṡ as ṡ_b.
 
         The velocity ṡ is a parabola within an element. If its three Bernstein coefficients keep a
         bound, ṡ keeps it in the whole element. The outer coefficients are ṡ at both ends.
+
+        Parameters
+        ----------
+        z : (5,) casadi.SX
+            Vector of the element.
+
+        Returns
+        -------
+        list of three (5,) casadi.SX
+            States at the start, in the middle and at the end.
         """
         start, middle, end = super().collocation_states(z)
         middle[4] = self.cubic(z).middle_velocity
         return [start, middle, end]
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Return the kinematic rows, then the torque rows."""
+        """Build the path constraints in one state.
+
+        Parameters
+        ----------
+        x : (5,) casadi.SX
+            State: s, ṡ, s̈, s⃛ and ṡ_b.
+        *p : casadi.SX
+            Directions σ (4,) of the joints, fit of the path, and limits.
+
+        Returns
+        -------
+        list of PathConstraint
+            Kinematic rows, followed by torque rows.
+        """
         instant = self.instant(x, *p)
         rows = kinematic_rows(instant, self.robot.joints, self.jerk)
         return rows + torque_rows(instant, self.robot)
@@ -110,9 +146,21 @@ class StraightElement(ElementModel):
         return indexed_kinematic_rows(self.robot, self.jerk) + torques
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """Return the motion and the limits of the joints in state x (5,), in SI units.
+        """Build the expressions of the motion and the limits of the joints in one state.
 
         The kinematics and the load of the robot follow from the fit of the path.
+
+        Parameters
+        ----------
+        x : (5,) casadi.SX
+            State: s, ṡ, s̈, s⃛ and ṡ_b.
+        *p : casadi.SX
+            Directions σ (4,) of the joints, fit of the path, and limits.
+
+        Returns
+        -------
+        Instant
+            Expressions in SI units.
         """
         sigma, fit_parameters, packed = p
         parameters = self.layout.unpack(packed)
@@ -158,14 +206,19 @@ def curves_layout(loads: int) -> Layout:
 def fit_layout(loads: int) -> Layout:
     """Return the names and sizes of the numbers that make up a fit.
 
-    A fit applies to the interval of s with the given centre and half width. Its coefficients are
-    those of ξ⁰ for all curves (in the order of `curves_layout`), then those of ξ¹, and so on, with
-    ξ = (s − centre)/half_width.
+    A fit applies to the interval of s with the given centre and half width.
 
     Parameters
     ----------
     loads : int
         Number of payloads.
+
+    Returns
+    -------
+    Layout
+        `centre`, `half_width` and `coefficients`. The coefficients are those of ξ⁰ for all curves
+        (in the order of `curves_layout`), then those of ξ¹, and so on, with ξ = (s −
+        centre)/half_width.
     """
     return Layout(centre=1, half_width=1, coefficients=(FIT_DEGREE + 1) * curves_layout(loads).size)
 
@@ -197,11 +250,13 @@ def path_derivatives(
     curves = curves_layout(loads)
     xi = (s - fit.centre) / fit.half_width
     coefficients = ca.reshape(fit.coefficients, curves.size, FIT_DEGREE + 1)
-    slope = _differentiate_polynomials(coefficients[curves.slices["dq"], :])
-    ddq = _evaluate_polynomials(slope, xi) / fit.half_width
+    dq_derivative = _differentiate_polynomials(coefficients[curves.slices["dq"], :])
+    ddq = _evaluate_polynomials(dq_derivative, xi) / fit.half_width
     dddq = ca.SX.zeros(4)
     if jerk:
-        dddq = _evaluate_polynomials(_differentiate_polynomials(slope), xi) / fit.half_width**2
+        dddq = (
+            _evaluate_polynomials(_differentiate_polynomials(dq_derivative), xi) / fit.half_width**2
+        )
     return curves.unpack(_evaluate_polynomials(coefficients, xi)), ddq, dddq
 
 
@@ -227,7 +282,7 @@ def _evaluate_polynomials(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
 
 
 def _differentiate_polynomials(coefficients: ca.SX) -> ca.SX:
-    """Return the coefficients of the derivatives of several polynomials.
+    """Compute the coefficients of the derivatives of several polynomials.
 
     Parameters
     ----------
