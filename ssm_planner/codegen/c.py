@@ -52,7 +52,18 @@ class Argument:
     """True if the function adds an output to the content of the array. False if it overwrites."""
 
     def element(self, index: int) -> str:
-        """Return the C expression of the value number `index`, for example `q[2]`."""
+        """Return the C expression of one value, for example `q[2]`.
+
+        Parameters
+        ----------
+        index : int
+            Number of the value among those of the input or output, from 0.
+
+        Returns
+        -------
+        str
+            C expression.
+        """
         if self.size == 0:
             return self.name
         return f"{self.name}[{index if self.positions is None else self.positions[index]}]"
@@ -93,17 +104,17 @@ def write_function(
         If the Function contains an operation that `vectorised.OPERATIONS` lacks.
     """
     # C expression of the value in each register of CasADi's virtual machine.
-    value_of: dict[int, str] = {}
+    register_text: dict[int, str] = {}
     registers: set[int] = set()
     body: list[str] = []
     writes: list[str] = []
     inputs_read: set[int] = set()
     for instruction in instructions(function):
-        operands = [value_of[k] for k in instruction.operands]
+        operands = [register_text[k] for k in instruction.operands]
         if instruction.name == "const":
-            value_of[instruction.out] = c_literal(instruction.constant)
+            register_text[instruction.out] = c_literal(instruction.constant)
         elif instruction.name == "input":
-            value_of[instruction.out] = inputs[instruction.argument].element(instruction.index)
+            register_text[instruction.out] = inputs[instruction.argument].element(instruction.index)
             inputs_read.add(instruction.argument)
         elif instruction.name == "output":
             output = outputs[instruction.argument]
@@ -113,10 +124,9 @@ def write_function(
             writes.append(f"{output.element(instruction.index)} {assignment} {result};")
         else:
             registers.add(instruction.out)
-            value_of[instruction.out] = f"w{instruction.out}"
-            body.append(
-                f"{value_of[instruction.out]} = {expressions[instruction.name].format(*operands)};"
-            )
+            register_text[instruction.out] = f"w{instruction.out}"
+            expression = expressions[instruction.name].format(*operands)
+            body.append(f"{register_text[instruction.out]} = {expression};")
     # Compilers warn of unused arguments unless the body names them.
     unused = [f"(void){inputs[i].name};" for i in sorted({*range(len(inputs))} - inputs_read)]
     names = [f"w{k}" for k in sorted(registers)] + [f"r{k}" for k in range(len(writes))]
@@ -127,10 +137,18 @@ def write_function(
 
 
 def c_literal(value: float) -> str:
-    """Return a number as a C constant of the type `ssm_real`.
+    """Convert a number to a C constant of the type `ssm_real`.
 
-    The constant has as many digits as the shortest text that gives the same double. Negative
-    numbers are enclosed in parentheses. Infinity and NaN become the macros of <math.h>.
+    Parameters
+    ----------
+    value : float
+        The number.
+
+    Returns
+    -------
+    str
+        Constant with as many digits as the shortest text that gives the same double. Negative
+        numbers are enclosed in parentheses. Infinity and NaN become the macros of <math.h>.
     """
     if not math.isfinite(value):
         return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"

@@ -88,7 +88,7 @@ class MappedFunction:
 
 @lru_cache(maxsize=128)
 def _map_function(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
-    """Return a CasADi Function that evaluates a Function at several samples, one after the other.
+    """Build a CasADi Function that evaluates another one at several samples, one after the other.
 
     Parameters
     ----------
@@ -98,16 +98,29 @@ def _map_function(function: ca.Function, count: int, shared: tuple[int, ...]) ->
         Number of samples.
     shared : tuple of int
         Indices of the arguments that have one value for all samples.
+
+    Returns
+    -------
+    casadi.Function
+        Function with one column for each sample in its other arguments and in its results.
     """
     return function.map(function.name(), "serial", count, list(shared), [])
 
 
 @lru_cache(maxsize=128)
 def _output_layouts(function: ca.Function) -> list[tuple[tuple[int, int], Indices | None]]:
-    """Return the shape of every output, and the positions of its structural nonzeros.
+    """Determine the shape of every output, and the positions of its structural nonzeros.
 
-    A position is the index into the output in row-major order. The positions are None for a dense
-    column vector, whose nonzeros already have this order.
+    Parameters
+    ----------
+    function : casadi.Function
+        The Function.
+
+    Returns
+    -------
+    list of ((int, int), array of int or None)
+        Shape of each output, and index of each nonzero in the output in row-major order. The
+        indices are None for a dense column vector, whose nonzeros already have this order.
     """
     outputs: list[tuple[tuple[int, int], Indices | None]] = []
     for i in range(function.n_out()):

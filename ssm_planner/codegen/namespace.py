@@ -34,18 +34,25 @@ NUMPY = Namespace(
 
 @cache
 def casadi_namespace() -> Namespace:
-    """Return the functions for CasADi expressions (SX and MX). The first call imports CasADi."""
-    import casadi
+    """Return the functions for CasADi expressions, that is, for SX and MX."""
+    import casadi  # It takes long to import, and NumPy formulas do not need it.
 
     functions = {name: getattr(casadi, CASADI_NAMES.get(name, name)) for name in FUNCTION_NAMES}
     return Namespace(**functions, nonnegative=lambda value: value)
 
 
 def namespace_of(*values: Any) -> Namespace:
-    """Return the functions that suit the given values.
+    """Return the functions that suit given values.
 
-    These are the functions of CasADi if at least one value is a CasADi expression, and otherwise
-    those of NumPy.
+    Parameters
+    ----------
+    *values : any
+        Numbers, arrays or CasADi expressions.
+
+    Returns
+    -------
+    Namespace
+        Functions of CasADi if at least one value is a CasADi expression, otherwise those of NumPy.
     """
     symbolic = any(type(value).__module__.startswith("casadi") for value in values)
     return casadi_namespace() if symbolic else NUMPY

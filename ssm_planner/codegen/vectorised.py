@@ -24,7 +24,17 @@ from ssm_planner.typing import Array, frozen
 
 
 def _if_else_zero(condition: Array, value: Array, result: Array) -> None:
-    """Write `value` to the result where the condition is not 0, and 0 elsewhere, (n,) each."""
+    """Write a value where a condition holds, and 0 elsewhere.
+
+    Parameters
+    ----------
+    condition : (n,) array
+        0 where the condition does not hold.
+    value : (n,) array
+        Values where it holds.
+    result : (n,) array
+        Array that receives the result.
+    """
     result[...] = np.where(condition != 0, value, 0.0)
 
 
@@ -118,6 +128,11 @@ def instructions(function: ca.Function) -> Iterator[Instruction]:
     function : casadi.Function
         Function of SX with dense inputs and outputs.
 
+    Yields
+    ------
+    Instruction
+        One operation.
+
     Raises
     ------
     NotImplementedError
@@ -153,7 +168,7 @@ def instructions(function: ca.Function) -> Iterator[Instruction]:
 
 
 def dense_function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-    """Return a CasADi Function whose outputs are dense and which computes no subexpression twice.
+    """Build a CasADi Function whose outputs are dense and which computes no subexpression twice.
 
     Parameters
     ----------
@@ -163,6 +178,11 @@ def dense_function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.F
         Symbols of the inputs.
     outputs : list of casadi.SX
         Expressions of the outputs.
+
+    Returns
+    -------
+    casadi.Function
+        The Function.
     """
     shared = ca.cse([ca.densify(output) for output in outputs])
     return ca.Function(name, inputs, shared)
@@ -349,7 +369,7 @@ class VectorisedFunction:
         stride_bytes[1] = 0  # Constants do not depend on the sample.
         # Bytes, and numbers, from one sample to the next in each slot.
         moves = stride_bytes[self._table]
-        stride = moves // 8
+        stride = moves // 8  # A double has 8 bytes.
         moves[: len(work)] = 0  # Every block of samples uses the same registers.
         native = library.load()
         indices = range(len(addresses)) if native is None else self._numpy_slots
@@ -380,6 +400,11 @@ class VectorisedFunction:
         """Translate a Function to a list of operations on slots.
 
         Reading an input or a constant needs no operation, because its slot can be an operand.
+
+        Parameters
+        ----------
+        function : casadi.Function
+            Function of SX with dense inputs and outputs.
 
         Returns
         -------
@@ -456,9 +481,24 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
 
 
 def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
-    """Return the number n of samples in the arguments (n, size) of a Function.
+    """Return the number of samples in the arguments of a Function.
 
-    Raise GeometryError if their number or one of their shapes does not suit the Function.
+    Parameters
+    ----------
+    function : casadi.Function
+        Function of column vectors.
+    arguments : sequence of (n, size) arrays
+        One array for each input of the Function.
+
+    Returns
+    -------
+    int
+        Number n of samples.
+
+    Raises
+    ------
+    GeometryError
+        If the number of arguments or one of their shapes does not suit the Function.
     """
     sizes = _input_sizes(function)
     if len(arguments) != len(sizes):
@@ -476,16 +516,35 @@ def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
 
 @lru_cache(maxsize=256)
 def _input_sizes(function: ca.Function) -> tuple[int, ...]:
-    """Return the number of rows of each input of a Function."""
+    """Return the number of rows of each input of a Function.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Function of column vectors.
+
+    Returns
+    -------
+    tuple of int
+        One number for each input.
+    """
     return tuple(function.size1_in(i) for i in range(function.n_in()))
 
 
 @lru_cache(maxsize=64)
 def _vectorised_function(function: ca.Function) -> VectorisedFunction | None:
-    """Return the vectorised form of a Function.
+    """Build the vectorised form of a Function.
 
-    The result is None if the Function contains an operation that is not in `OPERATIONS`, or if it
-    is not a Function of SX.
+    Parameters
+    ----------
+    function : casadi.Function
+        Function of column vectors.
+
+    Returns
+    -------
+    VectorisedFunction or None
+        The vectorised form. None if the Function contains an operation that is not in `OPERATIONS`,
+        or if it is not a Function of SX.
     """
     if not function.is_a("SXFunction"):
         return None
@@ -526,12 +585,17 @@ class Layout:
         self.size = sum(lengths.values())
 
     def pack(self, **values: Any) -> Array:
-        """Return all parameters as one vector (size,).
+        """Combine all parameters in one vector.
 
         Parameters
         ----------
         **values : array-like
             Value of each parameter, in any shape with the right number of entries.
+
+        Returns
+        -------
+        (size,) array
+            The vector.
 
         Raises
         ------
@@ -548,7 +612,7 @@ class Layout:
         return np.concatenate([arrays[name] for name in self.slices])
 
     def unpack(self, vector: Any) -> SimpleNamespace:
-        """Return the parameters of a vector by name.
+        """Divide a vector into its parameters.
 
         Parameters
         ----------
