@@ -48,6 +48,11 @@ class ElementGroup(ctypes.Structure):
             Data of the functions. The caller must keep it alive.
         sizes : tuple of four int
             Length of z without its last m entries, and numbers of rows, costs and elements.
+
+        Returns
+        -------
+        ElementGroup
+            The group, which points to the library and to the context.
         """
         values = ctypes.cast(library.ssm_values_of, _Values)
         derivatives = ctypes.cast(library.ssm_derivatives_of, _Derivatives)

@@ -118,8 +118,12 @@ def solve(
     options = _Options(
         iterations, OPTIMALITY_TOLERANCE, barrier_exponent, FIRST_BARRIER, centring_tolerance
     )
-    pointers = (ctypes.byref(array) for array in (native_program.program, native_state))
-    status = native.ssm_solve(*pointers, int(warm is not None), ctypes.byref(options))
+    status = native.ssm_solve(
+        ctypes.byref(native_program.program),
+        ctypes.byref(native_state),
+        int(warm is not None),
+        ctypes.byref(options),
+    )
     if status > _CONVERGED:
         raise MemoryError("the structured solver ran out of memory")
     return Outcome(
@@ -189,7 +193,13 @@ class _NativeProgram:
     """A program as a C struct, and all memory to which it points."""
 
     def __init__(self, program: Program) -> None:
-        """Convert a program. The object keeps the memory of all arrays alive."""
+        """Convert a program to a C struct.
+
+        Parameters
+        ----------
+        program : Program
+            The program. The object keeps the memory of all its arrays alive.
+        """
         self._kept: list[object] = []
         groups = (_Group * len(program.groups))(
             *(
@@ -232,15 +242,50 @@ class _NativeProgram:
         )
 
     def _doubles(self, values: object) -> int:
-        """Copy values to an array of C doubles if necessary, and return its address."""
+        """Copy values to an array of C doubles if necessary, and return the address of the array.
+
+        Parameters
+        ----------
+        values : array-like
+            Numbers of any shape.
+
+        Returns
+        -------
+        int
+            Address of the first number.
+        """
         return self._keep(values, float)
 
     def _longs(self, values: object) -> int:
-        """Copy values to an array of C longs if necessary, and return its address."""
+        """Copy values to an array of C longs if necessary, and return the address of the array.
+
+        Parameters
+        ----------
+        values : array-like
+            Whole numbers of any shape.
+
+        Returns
+        -------
+        int
+            Address of the first number.
+        """
         return self._keep(values, np.dtype(ctypes.c_long))
 
     def _keep(self, values: object, dtype: object) -> int:
-        """Convert values to a contiguous array, keep it alive, and return its address."""
+        """Convert values to a contiguous array that stays alive, and return its address.
+
+        Parameters
+        ----------
+        values : array-like
+            Numbers of any shape.
+        dtype : dtype
+            Type of the entries.
+
+        Returns
+        -------
+        int
+            Address of the first entry.
+        """
         array = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[call-overload]
         self._kept.append(array)
         return array.ctypes.data

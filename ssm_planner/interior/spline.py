@@ -11,7 +11,8 @@ consecutive rows of unknowns c_j (m,), some of which also belong to the neighbou
 The vector η_k contains lengths of time near the element. They are affine functions of the durations
 T (b,) of the blocks, which are groups of elements: η_k = E_k T + e. There are two kinds of splines:
 
-`hermite`   The unknowns are u and u̇ S/S_0 at the nodes (the ends of the elements), with S = Σ T and
+`hermite`   The unknowns are u and u̇ S/S_0 at the nodes (the ends of the elements), with S = Σ T
+and
             a constant reference S_0. Here f = 2 k, u and u̇ are continuous, and η = (h_k, S/S_0). A
             change of T therefore stretches the whole motion, and not only the cubics between fixed
             velocities. The factor S/S_0 is replaced by 1 if the motion begins or ends at speed.
@@ -79,14 +80,15 @@ class Spline:
         return np.arange(self.elements)[:, None] * self.stride + np.arange(ROWS_PER_ELEMENT)
 
     def unknowns(self, u: Array, v: Array, acceleration: Array, h: Array) -> Array:
-        """Return the unknowns of the spline for a motion that is given at the ends of the elements.
+        """Compute the unknowns of the spline for a motion given at the ends of the elements.
 
         Parameters
         ----------
         u, v, acceleration : (n + 1, m) arrays
-            u, u̇ and ü at the ends of the elements. A Hermite spline does not use ü.
+            Coordinates and their first and second time derivatives at the ends of the elements. A
+            Hermite spline does not use the second ones.
         h : (n,) array
-            Lengths of the elements.
+            Lengths of the elements, s.
 
         Returns
         -------
@@ -96,6 +98,8 @@ class Spline:
         if self.kind == "hermite":
             stretch = 1.0 if self.stretched_from is None else h.sum() / self.stretched_from
             return np.stack([u, v * stretch], axis=1).reshape(self.rows, -1)
+        # The coefficient of a B-spline with the knots around the end of an element is the blossom
+        # of the cubic there, which follows from its value and its first two derivatives.
         previous = np.append(0.0, h)[:, None]
         following = np.append(h, 0.0)[:, None]
         inner = u + v * (following - previous) / 3 - acceleration * previous * following / 6

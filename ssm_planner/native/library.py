@@ -16,9 +16,14 @@ FOLDER = Path(__file__).parent
 
 
 def key() -> str:
-    """Return a hash of the present C sources and of their build file, 64 hexadecimal digits.
+    """Compute a hash of the present C sources and of their build file.
 
     `CMakeLists.txt` computes the same hash and compiles it into the libraries.
+
+    Returns
+    -------
+    str
+        SHA-256 hash, 64 hexadecimal digits.
     """
     inputs = [*FOLDER.glob("*.c"), *FOLDER.glob("*.h"), FOLDER / "CMakeLists.txt"]
     hashes = [(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in inputs]
@@ -27,28 +32,42 @@ def key() -> str:
 
 
 def path_of(variant: str) -> Path:
-    """Return the path at which the build stores the library of a variant."""
+    """Return the path at which the build stores the library of a variant.
+
+    Parameters
+    ----------
+    variant : str
+        "portable" for any processor, or "avx2" for processors with AVX2 instructions.
+
+    Returns
+    -------
+    Path
+        Path of the library, which need not exist.
+    """
     return FOLDER / "libraries" / f"{variant}.so"
 
 
 def load() -> ctypes.CDLL | None:
-    """Return the library for this processor, or None if the caller must use Python code instead.
+    """Return the compiled library for this processor.
 
-    The result is None if no library was compiled from the present sources, or if the environment
-    variable SSM_PLANNER_NATIVE is 0.
+    Returns
+    -------
+    ctypes.CDLL or None
+        The library. None if no library was compiled from the present sources, or if the environment
+        variable SSM_PLANNER_NATIVE is 0. The caller must then use Python code.
     """
     return None if os.environ.get("SSM_PLANNER_NATIVE") == "0" else _loaded()
 
 
 def has_avx2() -> bool:
-    """Return True if the package uses its library on a processor with AVX2 instructions."""
+    """Return whether the package uses its library on a processor with AVX2 instructions."""
     library = load()
     return library is not None and bool(library.ssm_has_avx2())
 
 
 @cache
 def _loaded() -> ctypes.CDLL | None:
-    """Open the fastest library that runs on this processor. None if there is no valid library."""
+    """Open the fastest library that runs on this processor. None without a valid library."""
     portable = _open("portable")
     if portable is None or not portable.ssm_has_avx2():
         return portable
@@ -56,9 +75,18 @@ def _loaded() -> ctypes.CDLL | None:
 
 
 def _open(variant: str) -> ctypes.CDLL | None:
-    """Open the library of a variant, or return None unless it matches the present sources.
+    """Open the library of a variant.
 
-    A library from other sources may contain outdated equations.
+    Parameters
+    ----------
+    variant : str
+        "portable" or "avx2".
+
+    Returns
+    -------
+    ctypes.CDLL or None
+        The library. None if it is missing or was compiled from other sources, because it may then
+        contain outdated equations.
     """
     try:
         library = ctypes.CDLL(str(path_of(variant)))
