@@ -63,7 +63,7 @@ def write_drive(
     ExportError
         If the file cannot be written.
     """
-    import yaml
+    import yaml  # It takes long to import.
 
     content: JsonObject = yaml.safe_load(Path(template).read_text(encoding="utf-8"))
     content["friction"] = _friction_entry(drive, fit, dynamic, evidence)
@@ -119,7 +119,7 @@ def _heading_comments(fit: MapFit, evidence: str) -> str:
 def _friction_entry(
     drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str
 ) -> JsonObject:
-    """Return the content of the key `friction` of the drive file.
+    """Build the content of the key "friction" of the drive file.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def _friction_entry(
 
 
 def _posterior_entry(posterior: Posterior) -> JsonObject:
-    """Return the content of the key `posterior` of the friction.
+    """Build the content of the key "posterior" of the friction.
 
     Rows of numbers become one text each, because YAML reads it much faster than a list.
 
@@ -196,6 +196,11 @@ def _joined_numbers(values: Iterable[float]) -> str:
     ----------
     values : iterable of float
         The numbers.
+
+    Returns
+    -------
+    str
+        The text.
     """
     return " ".join(f"{value:.6g}" for value in values)
 
@@ -203,7 +208,7 @@ def _joined_numbers(values: Iterable[float]) -> str:
 def _parameter_entry(
     drive: Drive, name: str, value: float, estimate: Estimate | None
 ) -> JsonObject:
-    """Return the entry of one parameter in the drive file: its value with unit, and its source.
+    """Build the entry of one parameter in the drive file.
 
     Parameters
     ----------

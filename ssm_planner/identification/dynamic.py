@@ -168,6 +168,11 @@ class _LeastSquaresProblem:
         ----------
         theta : (3,) array
             Parameters θ.
+
+        Returns
+        -------
+        float
+            Cost (dimensionless).
         """
         return float(np.sum(self.residual(theta) ** 2))
 
@@ -178,6 +183,11 @@ class _LeastSquaresProblem:
         ----------
         theta : (3,) array
             Parameters θ.
+
+        Returns
+        -------
+        tuple of float
+            One error (dimensionless) for each recording.
         """
         return tuple(map(rms, self.residuals(theta)))
 
@@ -368,7 +378,7 @@ def _estimates(
         Estimates by name of the parameter in the drive file (`mu_static`, `dwell_constant`,
         `memory`).
     """
-    from scipy.special import ndtri
+    from scipy.special import ndtri  # It takes long to import.
 
     half = np.zeros(3)
     if free:

@@ -517,7 +517,9 @@ def _pool_parameter_sets(possible: PossibleLaws, slow: Array) -> Arrays:
 
 
 def _draw_sets(pooled: Arrays) -> Arrays:
-    """Draw `POSTERIOR_DRAWS` equally likely parameter sets from weighted ones.
+    """Draw equally likely parameter sets from weighted ones.
+
+    The number of drawn sets is `POSTERIOR_DRAWS`.
 
     The method is systematic resampling: sets are picked at equal steps of the cumulative weight, so
     a set is drawn in proportion to its weight. A parameter set of the Coulomb law has no Stribeck
@@ -722,7 +724,7 @@ def _interval_estimate(value: float, pooled: Arrays, name: str) -> Estimate:
 
 
 def _estimate_notes(estimates: dict[str, Estimate], possible: PossibleLaws) -> Iterator[str]:
-    """Yield notes on estimates: on self-locking, a change of friction and unreliable intervals.
+    """Yield notes on self-locking, on a change of friction, and on unreliable intervals.
 
     Intervals are unreliable if one of the sampled parameter sets has more than `LARGEST_WEIGHT` of
     the whole weight, because few sets then represent the posterior.

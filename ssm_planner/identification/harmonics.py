@@ -177,12 +177,14 @@ def _fit_orders(
     Harmonics
         The harmonics that all recordings have in common, without the mean torques.
     """
+    # One column for the mean of each recording, then cosines and sines of all orders.
     means = np.repeat(np.eye(len(curves)), [len(tau) for _, tau in curves], axis=0)
     waves = np.outer(np.concatenate([angle for angle, _ in curves]), orders)
     columns = np.column_stack([means, np.cos(waves), np.sin(waves)])
     torque = np.concatenate([tau for _, tau in curves])
     solution = np.linalg.lstsq(columns, torque, rcond=None)[0][len(curves) :]
     cosine, sine = np.split(solution, 2)
+    # a cos x + b sin x is the real part of (a − i b) exp(i x).
     return Harmonics.from_coefficients(orders, cosine - 1j * sine, phased)
 
 

@@ -188,7 +188,9 @@ class MapModel:
         }
 
     def coordinate(self, name: str, value: float) -> float:
-        """Convert the value of one parameter to its coordinate z_i = (ln θ_i − ln c_i) / d_i.
+        """Convert the value of one parameter to its coordinate.
+
+        The coordinate is z_i = (ln θ_i − ln c_i) / d_i.
 
         Parameters
         ----------
@@ -648,7 +650,9 @@ def _log_speed(w: Array) -> Array:
 
 
 def _log_distance(v: Array, w: Array) -> Array:
-    """Compute the logarithmic distance |ln |v / w|| between motor speeds.
+    """Compute the logarithmic distance between motor speeds.
+
+    The distance of v and w is
 
     Magnitudes below `SMALLEST_SPEED` are replaced by it.
 
@@ -758,6 +762,11 @@ def _replace_infinite(distance: Array) -> Array:
     ----------
     distance : (samples,) array
         Logarithmic distances (dimensionless).
+
+    Returns
+    -------
+    (samples,) array
+        Finite distances.
     """
     return np.where(np.isfinite(distance), distance, 1.0)
 

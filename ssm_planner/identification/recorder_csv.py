@@ -471,6 +471,11 @@ def _strip_commas(line: str) -> str:
     ----------
     line : str
         Line of the file.
+
+    Returns
+    -------
+    str
+        The line without them.
     """
     return line.rstrip().rstrip(",").rstrip()
 
@@ -511,6 +516,11 @@ def _remove_quotes(text: str) -> str:
     ----------
     text : str
         Text of the field.
+
+    Returns
+    -------
+    str
+        The field without them.
     """
     return text.strip().strip('"').strip().replace("\u2212", "-")
 

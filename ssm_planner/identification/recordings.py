@@ -277,7 +277,9 @@ def read_recordings(
     nominal_torque: float | None = None,
     direction: int = 1,
 ) -> list[Recording]:
-    """Read recordings from files, and from all `*.csv` and `*.txt` files below directories.
+    """Read recordings from files, and from all tables in directories.
+
+    The tables are the files `*.csv` and `*.txt` below each directory.
 
     Parameters
     ----------
@@ -637,6 +639,11 @@ def rms(values: Array) -> float:
     ----------
     values : (n,) array
         Values of any unit.
+
+    Returns
+    -------
+    float
+        Root mean square in the same unit.
     """
     return math.sqrt(np.mean(values**2))
 
@@ -648,6 +655,11 @@ def largest_magnitude(values: Array) -> float:
     ----------
     values : (n,) array
         Values of any unit.
+
+    Returns
+    -------
+    float
+        Largest magnitude in the same unit.
     """
     return float(np.abs(values).max())
 

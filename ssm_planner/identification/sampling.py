@@ -257,7 +257,7 @@ def _draw_weighted_sets(model: MapModel, mixture: Mixture, index: Indices, shift
         The fields `z` (k columns), `log_weight` and `square` of a `PosteriorSample` side by side.
         The weights are not yet divided by the number of points.
     """
-    from scipy.special import ndtri
+    from scipy.special import ndtri  # It takes long to import.
 
     u = _quasirandom_points(index, len(model.names), shift)
     curved = u[:, ~model.linear]
@@ -315,7 +315,7 @@ def _draw_bearing_friction(
         Columns: z with the drawn b_c and b_v (k columns), the logarithm of the ratio between the
         posterior and the density of the draw, and the sum of squared errors (N²·m²).
     """
-    from scipy.special import stdtr, stdtrit
+    from scipy.special import stdtr, stdtrit  # It takes long to import.
 
     degrees = len(model.w) + SCATTER_PRIOR_WEIGHT
     linear = np.flatnonzero(model.linear)
@@ -361,7 +361,9 @@ def _bearing_slopes(model: MapModel) -> Array:
 
 
 def _fit_mixture(y: Array, weight: Array, divisions: int) -> Mixture:
-    """Approximate weighted points by 2^divisions normal distributions.
+    """Approximate weighted points by several normal distributions.
+
+    Their number is 2^divisions.
 
     The points are repeatedly divided into two groups of equal weight across their longest principal
     axis, and each group gives one distribution. The mixture can therefore represent a curved ridge.

@@ -337,6 +337,11 @@ def _is_original_motor(original: Motor | None, motor: Motor) -> bool:
         Motor of the joint. None if the joint has no motor.
     motor : Motor
         The assessed motor.
+
+    Returns
+    -------
+    bool
+        True if both are equal. False if the joint has no motor.
     """
     figures = motor.name, motor.rotor_inertia
     return original is not None and (original.name, original.rotor_inertia) == figures

@@ -43,6 +43,11 @@ class DriveChain:
         ----------
         load : JointLoad
             Load of the joint with its present drive.
+
+        Returns
+        -------
+        JointLoad
+            Load of the same motion with the drive of the chain.
         """
         load = replace(load, drive=self.gear.of)
         return load if self.gearhead is None else with_gearhead(load, self.gearhead.of)

@@ -94,6 +94,11 @@ def open_check(name: str, *needs: str) -> Check:
         Name of the check.
     *needs : str
         Names of the missing data.
+
+    Returns
+    -------
+    Check
+        Check without a margin.
     """
     return Check(name, needs=" and ".join(needs))
 
@@ -113,6 +118,11 @@ def upper_limit_check(
         SI unit.
     needs : str
         Name of the figure that is missing if the limit is None.
+
+    Returns
+    -------
+    Check
+        Check with the margin (limit − value)/limit, or without a margin if the limit is None.
     """
     if limit is None:
         return open_check(name, needs)
@@ -121,7 +131,9 @@ def upper_limit_check(
 
 
 def relative_margin(demand: Array | float, limit: Array | float) -> Array:
-    """Compute the margin to an upper limit, (limit − demand)/limit.
+    """Compute the margin to an upper limit.
+
+    The margin is (limit − demand)/limit.
 
     A limit of 0 permits nothing, so its margin is −1.
 
@@ -171,7 +183,7 @@ class JointCase:
         needs: Iterable[str],
         factor: float = 1.0,
     ) -> Check:
-        """Compare `factor` times an uncertain demand with its upper limit.
+        """Compare a multiple of an uncertain demand with its upper limit.
 
         Parameters
         ----------
@@ -188,6 +200,12 @@ class JointCase:
             Names of the data without which the limit is not known.
         factor : float
             Factor on the demand.
+
+        Returns
+        -------
+        Check
+            Check with its margins at the required confidence, and with the probability that the
+            limit is kept. If the check is undecided, it names the data that would decide it.
         """
         if limit is None:
             return open_check(name, *needs)
@@ -254,6 +272,11 @@ class JointCase:
             drive.
         limit : float
             Upper limit in the same unit.
+
+        Returns
+        -------
+        str
+            Description for the reader of the result.
         """
         confidence = self.conditions.confidence
         posterior = self.spread.posterior
@@ -440,6 +463,11 @@ def drive_checks(case: JointCase, drive: Drive | None = None) -> tuple[Check, ..
         Load and demands of the joint.
     drive : Drive, optional
         Drive whose gear stages are checked, if it has others than the drive of the case.
+
+    Returns
+    -------
+    tuple of Check
+        Checks of the gear or screw, followed by those of the gear stages.
     """
     drive = drive or case.load.drive
     stages = stage_checks(case.shaft, drive) if drive.stages else ()
@@ -500,6 +528,11 @@ def is_certainly_self_locking(case: JointCase) -> bool:
     ----------
     case : JointCase
         Load of the joint with its drive, and the uncertainty of the friction.
+
+    Returns
+    -------
+    bool
+        True if the condition holds.
     """
     drive = case.load.drive
     lowest, _ = case.spread.mu_ends(drive, case.conditions.confidence)
@@ -609,6 +642,11 @@ def _screw_checks(case: JointCase, ratings: Ratings) -> list[Check]:
     ratings : Ratings
         Free length, root diameter and support of the screw. If one of them is missing, both checks
         are open.
+
+    Returns
+    -------
+    list of two Check
+        The checks "critical_speed" and "buckling".
     """
     length = ratings.free_length
     diameter = ratings.root_diameter

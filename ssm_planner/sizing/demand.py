@@ -86,6 +86,11 @@ class Demands:
         ----------
         table : (draws, 5) array
             One column for each demand, in the order of `DEMAND_NAMES`.
+
+        Returns
+        -------
+        Demands
+            The demands, (draws,) each.
         """
         return cls(*(table[:, i] for i in range(len(DEMAND_NAMES))))
 
@@ -130,6 +135,11 @@ class Band:
             Name of the demand.
         confidence : float
             Probability between 0 and 1.
+
+        Returns
+        -------
+        float
+            The demand in its SI unit.
         """
         return float(np.quantile(getattr(self.worst, name), confidence, method="inverted_cdf"))
 
@@ -144,6 +154,11 @@ class Band:
             Name of the demand.
         confidence : float
             Probability between 0 and 1.
+
+        Returns
+        -------
+        float
+            The demand in its SI unit.
         """
         return float(np.quantile(getattr(self.best, name), 1 - confidence, method="inverted_cdf"))
 
@@ -154,6 +169,11 @@ class Band:
         ----------
         name : DemandName
             Name of the demand, one of `DEMAND_NAMES`.
+
+        Returns
+        -------
+        float
+            The demand in its SI unit.
         """
         return float(getattr(self.nominal, name)[0])
 
@@ -255,6 +275,11 @@ def _load_with(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
         Motion and load of the joint.
     values : mapping of str to float or array
         New values by name of the parameter. Other parameters keep their values.
+
+    Returns
+    -------
+    JointLoad
+        The changed load.
     """
     return replace(load, drive=drive_with_values(load.drive, values))
 

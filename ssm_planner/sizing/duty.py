@@ -109,6 +109,11 @@ class DutyCycle:
             Robot that performs the motion.
         name : str
             Name for messages and results.
+
+        Returns
+        -------
+        DutyCycle
+            The duty cycle without a pause.
         """
         return cls(name, robot, ((trajectory, None),))
 
@@ -120,6 +125,11 @@ class DutyCycle:
         ----------
         motorisation : Motorisation
             Robot and strokes, that is, the joints with their ranges, speeds and accelerations.
+
+        Returns
+        -------
+        DutyCycle
+            The duty cycle with one motion for each stroke.
         """
         runs = tuple((back_and_forth(stroke), stroke.joint) for stroke in motorisation.strokes)
         return cls(motorisation.name, motorisation.robot, runs)

@@ -143,7 +143,9 @@ class JointLoad:
         return self.by_parts(JointLoad._torque)
 
     def by_parts(self, function: Callable[["JointLoad"], Array]) -> Array:
-        """Evaluate a function of the instants in blocks of `SECTION_SIZE` instants, to save memory.
+        """Evaluate a function of the instants block by block, to save memory.
+
+        Each block has `SECTION_SIZE` instants.
 
         Parameters
         ----------
@@ -225,6 +227,11 @@ class JointLoad:
         ----------
         factor : float
             New duration divided by the present one.
+
+        Returns
+        -------
+        JointLoad
+            Load of the stretched motion.
         """
         return replace(
             self,
@@ -248,6 +255,11 @@ class JointLoad:
         share : float
             Position between both loads: 0 gives this load and 1 gives `target`. Values above 1
             extrapolate.
+
+        Returns
+        -------
+        JointLoad
+            Load with interpolated efforts. Its other fields are those of this load.
         """
         names = ("inertia", "velocity", "gravity")
         return replace(
@@ -265,6 +277,11 @@ class JointLoad:
         ----------
         keep : (m,) array of int
             Increasing indices of the instants.
+
+        Returns
+        -------
+        JointLoad
+            Load at m instants.
         """
         columns = self._columns(keep)
         return replace(self, **columns | {"weight": _trapezoidal_weights(columns["t"])})
@@ -276,6 +293,11 @@ class JointLoad:
         ----------
         rows : slice or (m,) array of int
             The instants.
+
+        Returns
+        -------
+        dict of arrays
+            Arrays at the selected instants.
         """
         return {name: getattr(self, name)[rows] for name in ("t", *JOINT_COLUMNS, "weight")}
 

@@ -75,6 +75,11 @@ def missing_data(motor: Motor, *names: str) -> tuple[str, ...]:
         The motor.
     *names : str
         Names of its attributes.
+
+    Returns
+    -------
+    tuple of str
+        Those of the names whose value is None.
     """
     return tuple(name for name in names if getattr(motor, name) is None)
 
@@ -88,6 +93,11 @@ def require_value(motor: Motor, name: str) -> float:
         The motor.
     name : str
         Name of the attribute.
+
+    Returns
+    -------
+    float
+        Value in SI units.
 
     Raises
     ------
@@ -132,7 +142,9 @@ def rotor_range(motor: Motor) -> Range:
 
 
 def no_load_torque(motor: Motor | None) -> float | None:
-    """Compute the friction torque of a motor, M_R = k·I_0, from its no-load current.
+    """Compute the friction torque of a motor from its no-load current.
+
+    The torque is M_R = k·I_0.
 
     Without a load, the motor torque k·I_0, with the torque constant k and the no-load current I_0,
     only overcomes bearing friction, brush friction and iron losses (maxon, "Key information on

@@ -410,6 +410,11 @@ def _without_mesh_losses(drive: Drive, **bearings: float) -> Drive:
         Drive with its friction and gear stages.
     **bearings : float
         Friction parameters of the bearings that are replaced, such as b_c=0.0.
+
+    Returns
+    -------
+    Drive
+        The changed drive, whose values are not checked.
     """
     friction = unchecked_copy(
         required_friction(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings

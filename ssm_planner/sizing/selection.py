@@ -277,6 +277,11 @@ class JointSelection:
             Quantity by which the pairs are sorted: "mass", "length", "torque" or "margin".
         count : int
             Number of pairs that are described in full under `best`.
+
+        Returns
+        -------
+        dict
+            Labels of motors and gears, answers, reasons, and the best pairs.
         """
         adequate = self.adequate
         as_json = {1: True, 0: None, -1: False}
@@ -316,7 +321,9 @@ class JointSelection:
         ]
 
     def pair_dict(self, g: int, m: int) -> JsonObject:
-        """Describe one pair in full, for the output of `size --json`.
+        """Describe one pair in full as a dict.
+
+        The output of `size --json` contains this dict.
 
         The pair is assessed by `assess`, which computes all margins and the temperatures.
 
@@ -687,7 +694,7 @@ def _assess_gear(
 def _assess_by_draws(
     load: JointLoad, motor_data: _MotorData, conditions: Conditions, gear: tuple[Check, ...]
 ) -> GearAssessment:
-    """Assess the motors one by one with `assess`, for friction with a statistical distribution.
+    """Assess the motors one by one, for friction with a statistical distribution.
 
     Parameters
     ----------
@@ -934,7 +941,9 @@ def _heat_answers(
 
 
 def _answers_from_margins(highest_margin: Array, lowest_margin: Array) -> Answers:
-    """Convert bounds of a margin into the answers that `Check.passed` gives for single pairs.
+    """Convert bounds of a margin into answers.
+
+    The answers are those that `Check.passed` gives for single pairs.
 
     Parameters
     ----------

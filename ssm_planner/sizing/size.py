@@ -97,6 +97,11 @@ class JointSizing:
         confidence : float
             Probability with which a demand stays below the upper end of its range, and likewise
             above the lower end.
+
+        Returns
+        -------
+        dict
+            The requirement and the entry `band`.
         """
         names: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_effort")
         bands: JsonObject = {
@@ -177,7 +182,9 @@ def size(
     conditions: Conditions | None = None,
     payload: float = 0.0,
 ) -> Sizing:
-    """Assess motors for every joint that a duty cycle moves. The duty cycle repeats forever.
+    """Assess motors for every joint that a duty cycle moves.
+
+    The duty cycle repeats forever.
 
     Parameters
     ----------

@@ -78,7 +78,13 @@ class ThermalModes:
         gain : float
             Additional power per kelvin of the inner body, W/K. It represents the loss that grows
             with the winding temperature.
+
+        Returns
+        -------
+        ThermalModes
+            Both modes.
         """
+        # With y = √C T, the equations become y' = symmetric y + (power in the inner body) / √C.
         exchange = 1.0 / (r_inner * math.sqrt(c_inner * c_outer))
         symmetric = np.array(
             [
@@ -172,7 +178,9 @@ def simulate_modes(modes: ThermalModes, t: Array, power: Array) -> Array:
 
 
 def _solve_recursion(factor: Array, gained: Array) -> Array:
-    """Solve the recursion z_k = factor_k·z_(k−1) + gained_k with z_0 = 0 for k = 1 to n.
+    """Solve a linear recursion of first order for two modes.
+
+    The recursion is z_k = factor_k·z_(k−1) + gained_k with z_0 = 0 for k = 1 to n.
 
     Each step doubles the number of combined terms, so log2(n) operations on arrays suffice.
 
@@ -197,7 +205,9 @@ def _solve_recursion(factor: Array, gained: Array) -> Array:
 
 
 def _exponential_quotients(x: Array) -> tuple[Array, Array]:
-    """Compute (eˣ − 1)/x and (eˣ − 1 − x)/x² without loss of digits near 0.
+    """Compute two quotients of the exponential function without loss of digits near 0.
+
+    They are (eˣ − 1)/x and (eˣ − 1 − x)/x².
 
     The quotients are the responses of a mode to a constant and to a linearly growing power.
 
@@ -290,6 +300,11 @@ class ThermalModel:
         ambient : float
             Ambient temperature, K.
 
+        Returns
+        -------
+        ThermalModel
+            Resistances, capacities and heat loss of the motor.
+
         Raises
         ------
         ProblemError
@@ -356,7 +371,9 @@ class Cycle:
 
     @classmethod
     def from_torque(cls, t: Array, torque: Array, pause: float = 0.0) -> "Cycle":
-        """Build a cycle from the torque of a motion. The torque is zero during the pause.
+        """Build a cycle from the torque of a motion.
+
+        The torque is zero during the pause.
 
         Parameters
         ----------
@@ -366,6 +383,11 @@ class Cycle:
             Motor torques, N·m.
         pause : float
             Duration of the pause after the motion, s.
+
+        Returns
+        -------
+        Cycle
+            The cycle, which begins at time 0.
         """
         t = t - t[0]
         square = np.square(torque)
@@ -391,6 +413,11 @@ class Cycle:
         ----------
         factor : float
             New torque divided by the present one.
+
+        Returns
+        -------
+        Cycle
+            The cycle with the squared torque multiplied by factor².
         """
         return Cycle(self.t, factor**2 * self.square)
 
@@ -401,6 +428,11 @@ class Cycle:
         ----------
         value : (n,) array
             Values at the instants `t`.
+
+        Returns
+        -------
+        float
+            Mean in the unit of the values, by the trapezoidal rule.
         """
         return float(np.trapezoid(value, self.t) / self.period)
 

@@ -172,9 +172,9 @@ def _error_quantile(rows: Array, deflections: Array, draws: Array) -> float:
     rows : (instants, 3, 4) array
         Rows of the Jacobians for the position or for the direction.
     deflections : (instants, 4) array
-        Deflections of the joints under load, rad and m.
+        Deflections of the joints under load, rad, and m for joint 4.
     draws : (4, draws) array
-        Sum of the random errors of each joint, rad and m.
+        Sum of the random errors of each joint, rad, and m for joint 4.
 
     Returns
     -------

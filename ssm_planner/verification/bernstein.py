@@ -28,7 +28,7 @@ MAX_SCALAR_POLYNOMIALS = 8
 
 
 def from_powers(powers: Array) -> Array:
-    """Convert polynomials Σ powers[:, k] s^k to Bernstein form.
+    """Convert polynomials from powers to Bernstein form.
 
     Parameters
     ----------
@@ -66,6 +66,7 @@ def to_powers(coefficients: Array) -> Array:
     """
     degree = coefficients.shape[1] - 1
     powers = coefficients.copy(order="K")
+    # Repeated differences of neighbours give Δⁱ b_0 in column i.
     for row in range(degree, 0, -1):
         for j in range(row, degree + 1):
             powers[:, j] -= powers[:, j - 1]
@@ -163,7 +164,7 @@ def find_group_maxima(
 
 
 def find_sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]:
-    """Find every zero inside (0, 1) at which a polynomial changes its sign.
+    """Find every zero between 0 and 1 at which a polynomial changes its sign.
 
     A joint reverses at these zeros of its velocity. Only polynomials with Bernstein coefficients
     above tolerance and below −tolerance are examined. If such a polynomial also touches 0 without a

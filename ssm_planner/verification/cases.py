@@ -112,6 +112,11 @@ def _parameter_text(name: str, value: float) -> str:
         `FRICTION_LAWS`, whose name is shown in its place.
     value : float
         Value of the parameter, in SI units.
+
+    Returns
+    -------
+    str
+        Name and value, with four significant digits.
     """
     return f"{name} {FRICTION_LAWS[int(value)]}" if name == LAW_COLUMN else f"{name} {value:.4g}"
 

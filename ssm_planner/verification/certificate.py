@@ -141,7 +141,7 @@ class LimitCheck:
 
     @classmethod
     def from_dict(cls, data: JsonObject) -> "LimitCheck":
-        """Build a result from the output of `to_dict`.
+        """Build a result from a dict, as a plan.json contains it.
 
         Parameters
         ----------
@@ -241,6 +241,11 @@ class Certificate:
         key : (str, str)
             Name of the limit and name of the joint, such as ("velocity", "tilt").
 
+        Returns
+        -------
+        LimitCheck
+            The first result with this name and joint.
+
         Raises
         ------
         KeyError
@@ -262,6 +267,11 @@ class Certificate:
         ----------
         checks : tuple of LimitCheck
             The further results.
+
+        Returns
+        -------
+        Certificate
+            The copy. The seal of this certificate does not apply to it.
         """
         judged_limits = {(limit.name, limit.joint) for limit in checks}
         limits = [c for c in self.limits if not c.passed or (c.name, c.joint) not in judged_limits]
@@ -278,6 +288,11 @@ class Certificate:
         *names : str
             Names of limits, such as "motor torque", or their last words. The word "torque" stands
             for all limits whose names end with it.
+
+        Returns
+        -------
+        Certificate
+            The copy. Each moved limit has a remark that it was allowed to remain unjudged.
         """
         endings = tuple(f" {name}" for name in names)
         allowed = [item for item in self.unjudged if f" {item.name}".endswith(endings)]
@@ -361,7 +376,7 @@ class Certificate:
 
     @classmethod
     def from_dict(cls, data: JsonObject) -> "Certificate":
-        """Build a certificate from the output of `to_dict`.
+        """Build a certificate from a dict, as a plan.json contains it.
 
         Parameters
         ----------
@@ -571,6 +586,11 @@ def _path_keys(entry: Straight | Follow) -> JsonObject:
     ----------
     entry : Straight or Follow
         Motion of a problem.
+
+    Returns
+    -------
+    dict
+        Keys and values as in the problem file, as JSON types.
     """
     return {
         key: value

@@ -217,7 +217,7 @@ def _check_table_dynamics(
     limits : TaskLimits
         Limits of the task.
     resolution : (4,) array
-        Largest rounding error of a point, rad and m.
+        Largest rounding error of a point, rad, and m for joint 4.
     rate : float
         Sampling rate of the pieces that are not linear, Hz.
 

@@ -163,7 +163,7 @@ def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
     Returns
     -------
     start, end : (4,) arrays
-        Joint velocities, rad/s and m/s.
+        Joint velocities, rad/s, and m/s for joint 4.
     """
     first_piece, last_piece = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
     length = trajectory.breaks[-1] - trajectory.breaks[-2]
@@ -193,7 +193,7 @@ def declared_end_velocities(
     Returns
     -------
     start, end : (4,) arrays
-        Joint velocities, rad/s and m/s.
+        Joint velocities, rad/s, and m/s for joint 4.
     """
     start, end = end_velocities(trajectory)
     if limits.start_rate is not None:
@@ -261,14 +261,15 @@ def _joint_velocity_from_task_rates(
     robot : Robot
         Robot with its kinematics.
     rate : mapping of str to float
-        Rates of task coordinates by name, rad/s and m/s. Other coordinates have the rate 0.
+        Rates of task coordinates by name, rad/s, and m/s for the depth. Other coordinates have the
+        rate 0.
     t : float
         Instant in the motion, s.
 
     Returns
     -------
     (4,) array
-        Joint velocities, rad/s and m/s.
+        Joint velocities, rad/s, and m/s for joint 4.
     """
     q = trajectory.positions(np.array([t]))[0]
     task_rate = np.array([rate.get(name, 0.0) for name in TASK_COORDINATES])

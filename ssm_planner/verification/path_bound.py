@@ -213,8 +213,13 @@ class _DualProgram:
             Speed limits F.
         squares : (n + 1,) array
             ṡ² of the timing y₀ at the ends of the intervals.
+
+        Returns
+        -------
+        _DualProgram
+            Matrices and vectors of the program.
         """
-        from scipy.sparse import csr_matrix
+        from scipy.sparse import csr_matrix  # It takes long to import.
 
         count = len(path.lengths)
         # s̈ is constant in an interval, so ṡ² is linear in s and grows by 2 s̈ times the length.
@@ -274,7 +279,7 @@ class _DualProgram:
             Multipliers that nearly satisfy the conditions of an optimum. None if the program is
             infeasible.
         """
-        from scipy.optimize import linprog
+        from scipy.optimize import linprog  # It takes long to import.
         from scipy.sparse import bmat, csr_matrix, diags, eye, hstack, kron
 
         # The program has one condition for the middle of every interval.
@@ -438,7 +443,9 @@ def _number_unknowns(slack: Array, may_jump_at: Mask) -> Array:
 
 
 def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
-    """Compute the speeds 0 < y ≤ max_speed at which 1/y + p y² + κ y is smallest.
+    """Find the speed at every point of the path at which the integrand of the bound is smallest.
+
+    The integrand is 1/y + p y² + κ y for 0 < y ≤ max_speed.
 
     The function is convex for y³ ≤ −1/p, or everywhere if p ≥ 0, and concave beyond. Its minimum is
     therefore in the convex part, where bisection finds it, or at y = max_speed.
@@ -469,7 +476,9 @@ def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
 
 
 def _integrand(y: Array, p: Array, kappa: Array) -> Array:
-    """Evaluate the integrand 1/y + p y² + κ y of the bound.
+    """Evaluate the integrand of the bound.
+
+    The integrand is 1/y + p y² + κ y.
 
     Parameters
     ----------
@@ -477,5 +486,10 @@ def _integrand(y: Array, p: Array, kappa: Array) -> Array:
         Speeds on the path.
     p, kappa : (points,) arrays
         Coefficients of the integrand at each point.
+
+    Returns
+    -------
+    (points,) array
+        Values, s.
     """
     return 1 / y + p * y**2 + kappa * y

@@ -110,6 +110,11 @@ class PathRows:
             Positions of the m points in an interval, from 0 at its start to 1 at its end.
         refinement : int
             Factor on the number of intervals, which is about `PATH_INTERVALS` for a factor of 1.
+
+        Returns
+        -------
+        PathRows
+            The path at m points in each of n intervals.
         """
         first, last = np.searchsorted(trajectory.breaks, np.array(span) - SHORTEST_PIECE / 2)
         sections, moves = _smooth_sections(trajectory, robot, slice(first, last))
@@ -200,7 +205,9 @@ class PathRows:
         ]
 
     def largest_speed_ratio(self, limits: TaskLimits) -> Array:
-        """Compute the largest share of any speed limit that the motion uses at ṡ = 1.
+        """Compute the largest share of any speed limit that the motion uses at its own timing.
+
+        The motion itself has ṡ = 1.
 
         A timing keeps all speed limits if ṡ is at most the inverse of this share.
 
@@ -217,7 +224,9 @@ class PathRows:
         return np.maximum(MIN_SPEED_RATIO, np.max(list(self.speed_ratios(limits).values()), axis=0))
 
     def speed_ratios(self, limits: TaskLimits) -> dict[LimitKey, Array]:
-        """Compute the share of every speed limit that the motion ratios at ṡ = 1.
+        """Compute the share of every speed limit that the motion uses at its own timing.
+
+        The motion itself has ṡ = 1.
 
         The limits are those of joints, motors, tool and task.
 

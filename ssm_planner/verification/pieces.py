@@ -50,27 +50,32 @@ class PieceBlock:
 
     @cached_property
     def bernstein_coefficients(self) -> tuple[Array, ...]:
-        """Bernstein coefficients of q, qd, qdd and qddd, in the shapes of `powers`."""
+        """Bernstein coefficients of positions, velocities, accelerations and jerks.
+
+        The four arrays have the shapes of `powers`.
+        """
         return tuple(bernstein.from_powers(powers) for powers in self.powers)
 
     @property
     def end_states(self) -> tuple[Array, Array]:
-        """States at the start and at the end of every piece, (m, 3, 4) each.
+        """States of the joints at the start and at the end of every piece.
+
+        Both arrays have the shape (m, 3, 4).
 
         The second axis contains q, qd and qdd.
         """
         # A polynomial starts at its first Bernstein coefficient and ends at its last.
-        starts = np.stack(
-            [coefficients[:, 0] for coefficients in self.bernstein_coefficients[:3]], axis=1
-        )
-        ends = np.stack(
-            [coefficients[:, -1] for coefficients in self.bernstein_coefficients[:3]], axis=1
+        starts, ends = (
+            np.stack([values[:, end] for values in self.bernstein_coefficients[:3]], axis=1)
+            for end in (0, -1)
         )
         return starts, ends
 
     @cached_property
     def coefficient_bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of q, qd, qdd and qddd over all pieces, (4, 4) each.
+        """Lower and upper bounds of positions, velocities, accelerations and jerks over all pieces.
+
+        Both arrays have the shape (4, 4).
 
         The rows are the four quantities, and the columns are the joints. A polynomial lies between
         its smallest and its largest Bernstein coefficient.
@@ -121,7 +126,7 @@ class PieceBlock:
         Returns
         -------
         (…, n, 4) array
-            Joint velocities, rad/s and m/s.
+            Joint velocities, rad/s, and m/s for joint 4.
         """
         return _evaluate_polynomials(self.powers[1].T[..., index], s)
 
@@ -249,7 +254,9 @@ def rest_speeds(robot: Robot) -> Array:
 
 
 def _evaluate_polynomials(powers: Array, s: Array, result: Array | None = None) -> Array:
-    """Evaluate the polynomials Σ powers[:, k] s^k of four joints by Horner's rule.
+    """Evaluate polynomials of four joints by Horner's rule.
+
+    The polynomials are Σ powers[:, k] s^k.
 
     Parameters
     ----------

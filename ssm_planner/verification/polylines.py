@@ -160,7 +160,7 @@ class _SpeedRecorder:
         Parameters
         ----------
         velocity : (4,) array
-            Declared joint velocities at the end of the motion, rad/s and m/s.
+            Declared joint velocities at the end of the motion, rad/s, and m/s for joint 4.
         """
         time = np.array([self._time])
         length = np.array([self._length])
@@ -403,6 +403,11 @@ def _with_worst_value(limit: LimitCheck, value: float, time: float) -> LimitChec
         The worst value, in the unit of the limit.
     time : float
         Time of the worst value, s.
+
+    Returns
+    -------
+    LimitCheck
+        The copy.
     """
     margin = (limit.limit - value) / limit.limit
     return dataclasses.replace(limit, worst=value, margin=margin, time=time)

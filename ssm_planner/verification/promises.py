@@ -225,6 +225,11 @@ def unchecked_lines_remark(limits: TaskLimits) -> str:
     ----------
     limits : TaskLimits
         Limits that name the motions with prescribed lines.
+
+    Returns
+    -------
+    str
+        The remark, with the names of the motions.
     """
     return (
         f"whether the tip follows the path of {limits.promising}: a table does not contain the "
@@ -239,6 +244,12 @@ def _prescribes_lines(entry: Motion) -> bool:
     ----------
     entry : Motion
         An entry of `motion` in the problem file.
+
+    Returns
+    -------
+    bool
+        True for a straight motion, and for a curve that the tip follows in space ("line", "arc" or
+        "retina").
     """
     return isinstance(entry, Straight) or (isinstance(entry, Follow) and entry.curve in TIP_CURVES)
 
@@ -261,6 +272,11 @@ def _path_promises(
         Kinematics of the robot.
     limits : TaskLimits
         Limits that include the motions of the problem and the eye.
+
+    Yields
+    ------
+    PathPromise
+        The requirements on one phase.
     """
     index = 0
     counts_unknown = False
@@ -330,6 +346,11 @@ def _path_promise(
         Motions that are joined by rounded corners, or a single motion.
     span : Span
         Name, start and end of the phase.
+
+    Returns
+    -------
+    PathPromise
+        Lines, corners, constant speed and distance from the retina.
     """
     task, branch = _initial_task(motion, mechanism, chain, span)
     lines: list[Curve] = []
@@ -448,6 +469,11 @@ def _depth_on_sphere(mechanism: Mechanism, task: Array, centre: Array, radius: f
         Centre of the sphere, m.
     radius : float
         Radius of the sphere, m.
+
+    Returns
+    -------
+    float
+        Depth, m.
     """
     direction = tip_from_task(mechanism, np.append(task[:3], 1.0)[None])[0]
     # The depth d solves |d · direction − centre| = radius.
@@ -733,6 +759,11 @@ def _phase_result(
         Worst value, in the unit of the requirement.
     time : float
         Time of the worst value, s.
+
+    Returns
+    -------
+    LimitCheck
+        The result.
     """
     return replace(LimitCheck.from_extreme(limit, value, time), case=promise.span.name)
 
@@ -740,7 +771,7 @@ def _phase_result(
 def _check_required_value(
     limit: PathRequirement, tolerance: float, promise: PathPromise, t: Array, values: Array
 ) -> LimitCheck:
-    """Check that values equal `limit.largest` up to a tolerance.
+    """Check that values equal the required value of a limit up to a tolerance.
 
     Parameters
     ----------

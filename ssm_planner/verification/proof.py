@@ -79,6 +79,11 @@ def _proof_from_claim(claim: dict[str, Any]) -> Proof:
     ----------
     claim : dict
         Values of the attributes of `Proof` by their names.
+
+    Returns
+    -------
+    Proof
+        The proof.
     """
     unbounded = {
         name: None

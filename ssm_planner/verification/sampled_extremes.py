@@ -417,6 +417,11 @@ class SampledIntervals:
             Sampling rate (Hz), which determines the number of intervals.
         max_intervals : int
             Largest number of intervals in a segment.
+
+        Returns
+        -------
+        SampledIntervals
+            The intervals, in the order of the segments.
         """
         # No joint reverses within a segment, so its direction is that of its speed in the middle.
         at_begin, middle, at_end = pieces.velocities_at(
@@ -477,6 +482,11 @@ class SampledIntervals:
             Indices of the intervals.
         count : int
             Number of parts of each interval.
+
+        Returns
+        -------
+        SampledIntervals
+            The parts. Those of one interval follow each other.
         """
         parent = np.repeat(indices, count)
         offset = np.tile(np.arange(count), len(indices))
@@ -606,6 +616,11 @@ def _without_limits(robot: Robot) -> Robot:
     ----------
     robot : Robot
         The robot.
+
+    Returns
+    -------
+    Robot
+        The copy, whose values are not checked.
     """
     joints = tuple(
         unchecked_copy(

@@ -332,7 +332,9 @@ def _timing_duration(path: PathRows, squares: Array) -> float:
 
 
 def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
-    """Compute the coefficients of all rows a s̈ + b ṡ² + c ≤ 1, linearised at given speeds.
+    """Compute the coefficients of all limits, linearised at given speeds.
+
+    Every limit is a row a s̈ + b ṡ² + c ≤ 1.
 
     With x = ṡ², the tangent √x ≤ √x₀/2 + x/(2 √x₀) at x₀ replaces √x in the terms of viscous
     friction.

@@ -135,7 +135,7 @@ def check_slower(
 def check_speeds(
     motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: float = DEFAULT_SLOWEST_SPEED
 ) -> SpeedRange:
-    """Check a motion at its worst speeds between `slowest` and full speed.
+    """Check a motion at its worst speeds, from a slowest speed to full speed.
 
     The worst speed of each motor is the speed with the largest peak or RMS torque.
 

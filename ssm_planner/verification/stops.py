@@ -92,12 +92,10 @@ class StopMotions:
         lengths, coefficients = self.pieces
         motions: list[Trajectory | None] = []
         for start, end in pairwise(self.edges.tolist()):
-            if start == end:
-                motions.append(None)
-            else:
-                motions.append(
-                    _trajectory_from_pieces(lengths[start:end], coefficients[start:end].copy())
-                )
+            stop = None
+            if start < end:
+                stop = _trajectory_from_pieces(lengths[start:end], coefficients[start:end].copy())
+            motions.append(stop)
         return tuple(motions)
 
     @property
@@ -118,6 +116,11 @@ def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory:
         Durations of the pieces, s.
     coefficients : (m, 6, 4) array
         Coefficients of each piece and joint, by powers of the time since the start of the piece.
+
+    Returns
+    -------
+    Trajectory
+        The trajectory, which has no phases.
     """
     return Trajectory(np.append(0.0, np.cumsum(lengths)), coefficients, ())
 
@@ -162,6 +165,11 @@ class _StopPath:
         instants : (n,) array
             Instants at which a stop begins, in s from the start of the motion. An instant that is
             nearer to a break than `MIN_BREAK_DISTANCE` does not become a node.
+
+        Returns
+        -------
+        _StopPath
+            The path with m intervals.
         """
         breaks = motion.breaks - motion.breaks[0]
         next_break = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
@@ -446,6 +454,11 @@ class _DecelerationBounds:
             Path of the motion with m intervals.
         robot : Robot
             Robot with its acceleration limits, drives and motors.
+
+        Returns
+        -------
+        _DecelerationBounds
+            The bounds on all intervals.
         """
         lengths = np.diff(path.s)
         m = len(lengths)
@@ -598,6 +611,11 @@ class _MotorOnPath:
             Increase of ṡ² per unit of s̈ since the start of the interval.
         square : (n,) array or float
             ṡ², which determines the motor speed and thereby the friction coefficient.
+
+        Returns
+        -------
+        _MotorOnPath
+            The motor with its friction law at these positions.
         """
         assert joint.drive is not None
         dq = path.dq[index]

@@ -140,6 +140,11 @@ def _point_result(name: str, entry: str, error: float, time: float) -> LimitChec
         Distance from the point as a multiple of `POINT_TOLERANCE`.
     time : float
         Instant of this distance, s.
+
+    Returns
+    -------
+    LimitCheck
+        The result with the margin 1 − error.
     """
     return LimitCheck(
         name, None, error, limit=1.0, margin=1 - error, time=float(time), unit="", case=entry
@@ -158,6 +163,11 @@ def _duration_result(name: str, entry: str, actual: float, requested: float) -> 
     actual, requested : float
         Actual and requested duration, s. The relative error of the actual duration must be at most
         `DURATION_TOLERANCE`.
+
+    Returns
+    -------
+    LimitCheck
+        The result, whose limit is the requested duration.
     """
     margin = 1 - abs(actual / requested - 1) / DURATION_TOLERANCE
     return LimitCheck(
