@@ -137,7 +137,7 @@ def static_coefficient(
         Parameters of the friction law.
     dwell : float, array or expression
         Time t_d at rest (s).
-    arrival : optional
+    arrival : float, array or expression, optional
         Friction coefficient μ_a when the motion ended. The default is mu.
 
     Returns

@@ -107,7 +107,8 @@ class FrictionSpread:
             sets = self.posterior.values(count)
             return np.column_stack([sets[name] for name in self.names]) - self.mean
         mean = np.where(self.mean > 0, self.mean, 1.0)
-        # The logarithms of log-normal quantities have the covariance ln(1 + C_ij / (m_i m_j)).
+        # The logarithms of log-normal quantities have the covariance ln(1 + C_ij / (m_i m_j)). The
+        # lower bound keeps the logarithm finite.
         spread = np.log1p(np.maximum(self.covariance / np.outer(mean, mean), -0.999))
         values, vectors = np.linalg.eigh(spread)
         root = vectors * np.sqrt(np.maximum(values, 0.0))

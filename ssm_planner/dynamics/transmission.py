@@ -152,7 +152,7 @@ def output_effort(
         Effort τ_rigid of the rigid bodies, gravity and external loads (N·m or N).
     qd, qdd : float, array or expression
         Velocity q̇ (rad/s or m/s) and acceleration q̈ (rad/s² or m/s²) of the joint.
-    direction : optional
+    direction : float, array or expression, optional
         Value ±1 that replaces sgn(q̇) for a joint at standstill.
 
     Returns
@@ -306,10 +306,10 @@ def motor_torque(
         Output effort, see `output_effort`.
     w, wd : float, array or expression
         Motor speed (rad/s) and acceleration (rad/s²).
-    direction : optional
+    direction : float, array or expression, optional
         ±1 replaces sgn(w), for example for a drive at standstill that is about to move. With 0 the
         drive holds, and the result is `holding_torque`, which is 0 for a self-locking drive.
-    mu : optional
+    mu : float, array or expression, optional
         Friction coefficient of the mesh, for example `friction.mu_static` at breakaway. The default
         is the coefficient of the friction law at the speed w.
 
@@ -340,7 +340,7 @@ def breakaway_torque(
         Effort of the load without the friction on the output side, which is added (N·m or N).
     direction : int, array or expression
         Direction of the start, ±1.
-    mu : optional
+    mu : float, array or expression, optional
         Friction coefficient of the mesh. The default is the static coefficient
         `friction.mu_static`.
 
@@ -366,7 +366,7 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
         Drive with its friction.
     tau_rigid : float, array or expression
         Effort of the load (N·m or N).
-    mu : optional
+    mu : float, array or expression, optional
         Friction coefficient of the mesh. The default is the static coefficient
         `friction.mu_static`.
 
@@ -452,9 +452,9 @@ def effective_inertia(
     ----------
     drive : Drive
         Drive with its friction.
-    mu : optional
+    mu : float, array or expression, optional
         Friction coefficient of the mesh. The default is the kinetic coefficient.
-    direction : optional
+    direction : float, array or expression, optional
         Direction of motion, ±1. It matters only for a drive with two nuts.
 
     Returns

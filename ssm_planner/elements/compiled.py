@@ -309,14 +309,14 @@ def _parameter_arrays(
         is_motorless = np.isin(joints, joints_without_motor(element.robot.joints))
         limits = packed[slices["acceleration"]][joints[is_motorless]]
         weights[is_motorless] = MOTORLESS_COST_WEIGHT / limits**2
-    fits = [np.broadcast_to(values, (count, values.shape[-1])) for values in fit_parameters]
+    path_fits = [np.broadcast_to(values, (count, values.shape[-1])) for values in fit_parameters]
     return {
         "drives": drives,
         "cost_weights": weights,
         "limits": packed,
         # A joint without a drive may reverse at any time. C needs its sign only for the effort.
         "sigma": np.where(constant_arrays["undriven"], 1.0, np.broadcast_to(sigma, (count, 4))),
-        "fits": _interleaved_fits(*fits) if fits else [],
+        "fits": _interleaved_fits(*path_fits) if path_fits else [],
     }
 
 

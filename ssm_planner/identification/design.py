@@ -156,15 +156,15 @@ def design_session(
         )
     template = load_drive(drive)
     load, _ = rig_load(template)
-    known = template
+    simulated = template
     if template.friction is None or top_speed is None:
         table = load_map(drive, [], [])[0]
         top_speed = float(np.abs(table.w).max()) if top_speed is None else top_speed
         if template.friction is None:
-            known = fit_map(template, table, load, reference=prior_centres(template)).drive
+            simulated = fit_map(template, table, load, reference=prior_centres(template)).drive
     speeds = _session_speeds(top_speed, count)
     turns = np.maximum(FEWEST_TURNS, np.ceil(SHORTEST_RECORDING * np.abs(speeds) / (2 * np.pi)))
-    tau = np.asarray(map_torque(known, speeds, load))
+    tau = np.asarray(map_torque(simulated, speeds, load))
     noise = np.random.default_rng(0).standard_normal(count)
     order = np.argsort(speeds)
     data = TorqueMap(
@@ -176,7 +176,7 @@ def design_session(
         samples=np.full(count, 500.0),
         dates=order.astype(float),
     )
-    fit = fit_map(known, data, load, reference=prior_centres(template))
+    fit = fit_map(simulated, data, load, reference=prior_centres(template))
     return SessionDesign(
         speeds, 2 * np.pi * turns / np.abs(speeds), fit.law, expected=dict(fit.estimates)
     )

@@ -181,10 +181,10 @@ def _posterior_entry(posterior: Posterior) -> JsonObject:
             "departures": _joined_numbers(posterior.departures),
         }
     for name in POSTERIOR_PART_TYPES:
-        if (part := getattr(posterior, name)) is not None:
+        if (component := getattr(posterior, name)) is not None:
             table[name] = {
                 key: value if isinstance(value, bool) else _joined_numbers(value)
-                for key, value in vars(part).items()
+                for key, value in vars(component).items()
             }
     return {**table, "draws": draws}
 

@@ -333,9 +333,9 @@ def _choose_model(
     criterion: dict[str, float] = {}
     for model, rms_error in zip(models, rms_errors, strict=True):
         criterion[model.law] = min(rms_error, criterion.get(model.law, math.inf))
-    chosen = simplest_model(models, errors)
-    criterion[models[chosen].law] = rms_errors[chosen]
-    return determined[chosen], criterion
+    index = simplest_model(models, errors)
+    criterion[models[index].law] = rms_errors[index]
+    return determined[index], criterion
 
 
 def _check_fixed(fixed: Numbers, free: Sequence[str]) -> None:

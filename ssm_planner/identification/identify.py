@@ -141,8 +141,8 @@ class Identification:
             "start_stop": []
             if dynamic is None
             else [
-                {"recording": recording.name, "nrmsd_map_only": before, "nrmsd": after}
-                for recording, before, after in zip(
+                {"recording": recording.name, "nrmsd_map_only": nrmsd_before, "nrmsd": nrmsd_after}
+                for recording, nrmsd_before, nrmsd_after in zip(
                     self.moving, dynamic.before, dynamic.after, strict=True
                 )
             ],

@@ -422,12 +422,12 @@ def most_likely(
                 z = _least_squares(model, z, free, scatter)
             scatter = _most_likely_scatter(model, z)
         optima.append(z)
-    best = max(optima, key=lambda z: float(model.log_posterior(z[None])[0]))
+    optimum = max(optima, key=lambda z: float(model.log_posterior(z[None])[0]))
     smallest = smallest_locking_mu(model.drive)
-    if pinned is None and "mu" in model.names and model.parameters(best[None])["mu"] < smallest:
+    if pinned is None and "mu" in model.names and model.parameters(optimum[None])["mu"] < smallest:
         bound = model.names.index("mu"), model.coordinate("mu", smallest)
-        return most_likely(model, best, bound)
-    return best
+        return most_likely(model, optimum, bound)
+    return optimum
 
 
 def _most_likely_scatter(model: MapModel, z: Array) -> float:

@@ -51,7 +51,7 @@ def fit_reaction(recordings: Sequence[Recording]) -> Reaction | None:
         return None
     ordered = sorted(recordings, key=lambda recording: float(recording.w.mean()))
     products = np.array([_mean_products(recording) for recording in ordered])
-    errors = np.array([_error_factors(products.sum(axis=0) - own) for own in products])
+    errors = np.array([_error_factors(products.sum(axis=0) - product) for product in products])
     remaining = np.einsum("ki,kij,kj->k", errors, products, errors)
     variance = products[:, -1, -1]
     return Reaction(

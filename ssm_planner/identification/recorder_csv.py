@@ -164,8 +164,10 @@ class RepairNotes:
         list of str
             Notes on single values, and then notes on several lines with their number.
         """
-        counted = [f"{len(k)} {text} (first: line {k[0]})" for text, k in self.counted.items()]
-        return self.doubts + counted
+        counted_notes = [
+            f"{len(k)} {text} (first: line {k[0]})" for text, k in self.counted.items()
+        ]
+        return self.doubts + counted_notes
 
 
 COLUMN_UNITS: dict[str, dict[str, float]] = {

@@ -565,7 +565,9 @@ def remove_repetitions(recordings: list[Recording]) -> tuple[list[Recording], li
     for recording in sorted(recordings, key=lambda r: -len(r.w)):
         passages = _passage_hashes(recording)
         minimum = REPEATED_SHARE * len(passages)
-        source = next((name for name, other in originals if len(passages & other) > minimum), None)
+        source = next(
+            (name for name, earlier in originals if len(passages & earlier) > minimum), None
+        )
         if source is None:
             originals.append((recording.name, passages))
         else:

@@ -84,10 +84,11 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> Iterator[str]
         *((recording.date, recording.name) for recording in moving),
     ]
     dated = sorted(pair for pair in everything if np.isfinite(pair[0]))
-    for (before, _), (after, name) in pairwise(dated):
-        if after - before > LONG_PAUSE:
+    for (earlier_time, _), (later_time, name) in pairwise(dated):
+        if later_time - earlier_time > LONG_PAUSE:
             yield (
-                f"{name} was recorded {_duration_text(after - before)} after the recordings before it: "
+                f"{name} was recorded {_duration_text(later_time - earlier_time)} after the "
+                "recordings before it: "
                 "the drive may have cooled down or changed in between"
             )
 

@@ -205,13 +205,13 @@ def rest_mask(time: Array, w: Array) -> Mask:
     for start, stop in true_runs(~is_still):
         if stop - start < REST_SAMPLES and np.max(np.abs(w[start:stop])) < noise_speed:
             is_still[start:stop] = True
-    rest = np.zeros(len(w), bool)
+    is_at_rest = np.zeros(len(w), bool)
     for start, stop in true_runs(is_still):
         is_long = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
         at_end = start == 0 or stop == len(w)
         is_reversal = not at_end and w[start - 1] * w[stop] < 0
-        rest[start:stop] = is_long or is_reversal
-    return rest
+        is_at_rest[start:stop] = is_long or is_reversal
+    return is_at_rest
 
 
 def recording_kind(recording: Recording) -> Literal["steady", "start_stop"]:
@@ -372,8 +372,8 @@ def read_torque_map(path: str | Path, rig: str) -> TorqueMap:
             f"{path}: no figures of {rig!r}; rigs in the table: "
             f"{', '.join(sorted(tables)) or 'none'}"
         )
-    names, figures = zip(*tables[rig], strict=True)
-    return _from_rows(list(names), list(figures))
+    names, numbers = zip(*tables[rig], strict=True)
+    return _from_rows(list(names), list(numbers))
 
 
 def _parse_row(fields: list[str], location: str) -> list[float]:
@@ -484,11 +484,11 @@ def _outlier_scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, flo
         if count < _FEWEST_POINTS:
             continue
         # An outermost point is compared with the line through the two points nearest to it.
-        left = points[[1, *range(count - 2), count - 3]]
-        right = points[[2, *range(2, count), count - 2]]
-        width = w[right] - w[left]
-        share = np.where(width == 0, 0.5, (w[points] - w[left]) / np.where(width == 0, 1.0, width))
-        distance[points] = tau[points] - (1 - share) * tau[left] - share * tau[right]
+        lower = points[[1, *range(count - 2), count - 3]]
+        upper = points[[2, *range(2, count), count - 2]]
+        width = w[upper] - w[lower]
+        share = np.where(width == 0, 0.5, (w[points] - w[lower]) / np.where(width == 0, 1.0, width))
+        distance[points] = tau[points] - (1 - share) * tau[lower] - share * tau[upper]
         spread[points] = np.sqrt(1.0 + (1 - share) ** 2 + share**2)
     finite = np.isfinite(distance)
     if not finite.any():

@@ -161,8 +161,8 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     original = load.motor
     load, inertia, rotors = with_motor(load, motor)
     needs = rotors
-    least, largest = load.motor_friction
-    if least < largest:
+    least_friction, largest_friction = load.motor_friction
+    if least_friction < largest_friction:
         needs += (f"no_load_current of {original.name if original else 'the original motor'}",)
     spread = replace(friction_spread(load.drive, conditions.spread), inertia=inertia, rotors=needs)
     case = JointCase(load, demand_band(load, spread, conditions), spread, conditions)
@@ -179,10 +179,10 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     confidence = _confidence_check(case, limits)
     requirement = motor_requirement(load)
     notes = tuple(_assumption_notes(load, motor, conditions))
-    if largest > 0:
+    if largest_friction > 0:
         notes += (
             f"joint {load.joint}: friction of {motor.name} by its no-load current: up to "
-            f"{1e3 * largest:.3g} mN·m in addition to the friction of the drive",
+            f"{1e3 * largest_friction:.3g} mN·m in addition to the friction of the drive",
         )
     elif no_load_torque(motor) is None and not _is_original_motor(original, motor):
         notes += (
@@ -343,8 +343,8 @@ def _is_original_motor(original: Motor | None, motor: Motor) -> bool:
     bool
         True if both are equal. False if the joint has no motor.
     """
-    figures = motor.name, motor.rotor_inertia
-    return original is not None and (original.name, original.rotor_inertia) == figures
+    identity = motor.name, motor.rotor_inertia
+    return original is not None and (original.name, original.rotor_inertia) == identity
 
 
 DemandLimit = tuple[DemandName, float, float | None, str, tuple[str, ...]]

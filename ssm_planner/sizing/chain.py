@@ -103,10 +103,11 @@ def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
         for name, (low, high) in drive.friction_ranges.items()
     }
     # The rotor of the original motor, whose inertia has the range `rotor`, leaves the former shaft.
-    full = drive.input_inertia
-    rotor = (0.0, full) if load.motor is None else rotor_range(load.motor)
+    inertia_with_rotor = drive.input_inertia
+    rotor = (0.0, inertia_with_rotor) if load.motor is None else rotor_range(load.motor)
     low, high = (
-        (gearhead.inertia or 0.0) + forwards / ratio * max(full - end, 0.0) for end in rotor[::-1]
+        (gearhead.inertia or 0.0) + forwards / ratio * max(inertia_with_rotor - end, 0.0)
+        for end in rotor[::-1]
     )
     chain = replace(
         drive,

@@ -412,9 +412,9 @@ def _max_instants(breaks: int) -> int:
     int
         The number, within the limits that `INSTANTS_PER_PIECE` describes.
     """
-    fewest, usual, largest = INSTANTS_PER_PIECE
-    count = max(MOST_INSTANTS // breaks, min(usual, 10 * MOST_INSTANTS // breaks))
-    return int(np.clip(count, fewest, largest))
+    smallest_count, usual_count, largest_count = INSTANTS_PER_PIECE
+    count = max(MOST_INSTANTS // breaks, min(usual_count, 10 * MOST_INSTANTS // breaks))
+    return int(np.clip(count, smallest_count, largest_count))
 
 
 def _split_at_reversals(

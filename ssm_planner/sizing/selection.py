@@ -754,7 +754,7 @@ def _demand_ranges(
     heads = [chain.drive.gearhead for chain in chains[1:]]
     factors_of = [(head.forwards, head.ratio) for head in heads if head is not None]
     forwards, ratio = np.array([(1.0, 1.0), *factors_of]).T[..., None]
-    one = np.ones(friction.shape[:2])
+    ones = np.ones(friction.shape[:2])
     demands = []
     for corner in case.spread.corners():
         parts = _torque_parts(load, corner)
@@ -763,9 +763,9 @@ def _demand_ranges(
         extremes = np.ascontiguousarray(parts[:, _extreme_instants(parts)])
         # The first entry is the smallest inertia of each pair, and the second is the largest.
         for inertia in np.moveaxis(np.unique(inertias, axis=2), 2, 0):
-            factors = np.stack([forwards * one, ratio * inertia, friction[..., 1]], axis=-1)
+            factors = np.stack([forwards * ones, ratio * inertia, friction[..., 1]], axis=-1)
             rms = np.sqrt(np.maximum(np.sum(factors @ products * factors, axis=-1), 0.0))
-            peak, volts = _peak_demands(extremes, factors, ratio * one, motor_data)
+            peak, volts = _peak_demands(extremes, factors, ratio * ones, motor_data)
             demands.append([peak, rms, volts])
     # The demands are convex in the inertia, so between its ends they fall by at most half of its
     # width times |ẇ|. The friction changes them at most by the width of its range.
@@ -828,8 +828,8 @@ def _extreme_instants(parts: Array) -> Indices:
     indices = []
     for sign in np.unique(direction):
         (members,) = np.nonzero(direction == sign)
-        points, first = np.unique(parts[:, members], axis=1, return_index=True)
-        members = members[first]
+        points, first_occurrences = np.unique(parts[:, members], axis=1, return_index=True)
+        members = members[first_occurrences]
         points = points[np.ptp(points, axis=1) > 0]
         with suppress(QhullError, ValueError):  # too few points for a hull
             points = points / np.abs(points).max(axis=1, keepdims=True)

@@ -144,13 +144,13 @@ def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
     draws = np.zeros((4, ERROR_DRAWS))
     rng = np.random.default_rng(0)
     for i, joint in enumerate(robot.joints):
-        for name, largest in _random_errors(joint):
+        for name, max_error in _random_errors(joint):
             sources.append(
-                ErrorSource(joint.name, name, largest, float(largest * lengths[:, i].max()))
+                ErrorSource(joint.name, name, max_error, float(max_error * lengths[:, i].max()))
             )
             # The load presses the joint against one of both flanks.
             shares = rng.uniform(-1.0, 1.0, ERROR_DRAWS)
-            draws[i] += largest * (np.sign(shares) if name.endswith("backlash") else shares)
+            draws[i] += max_error * (np.sign(shares) if name.endswith("backlash") else shares)
         if joint.stiffness is not None:
             deflections[:, i] = efforts[:, i] / joint.stiffness
             sizes = np.abs(deflections[:, i])
@@ -181,11 +181,11 @@ def _error_quantile(rows: Array, deflections: Array, draws: Array) -> float:
     float
         Quantile `BOUND_QUANTILE` of the norm of the error, m or rad.
     """
-    largest = np.zeros(draws.shape[1])
+    max_errors = np.zeros(draws.shape[1])
     for row, deflection in zip(rows, deflections, strict=True):
         errors = row @ (draws + deflection[:, None])
-        largest = np.maximum(largest, np.linalg.norm(errors, axis=0))
-    return float(np.quantile(largest, BOUND_QUANTILE))
+        max_errors = np.maximum(max_errors, np.linalg.norm(errors, axis=0))
+    return float(np.quantile(max_errors, BOUND_QUANTILE))
 
 
 def _random_errors(joint: Joint) -> Iterator[tuple[str, float]]:

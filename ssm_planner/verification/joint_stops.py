@@ -87,10 +87,12 @@ def compute_joint_stops(
         is_possible = _limit_excesses(candidates, robot, limits) <= EXCESS_TOLERANCE
         for i, stop, is_usable in zip(missing, candidates, is_possible, strict=True):
             stops[i] = stop if is_usable else None
-    chosen = [_earliest_stop(motion, instants, stops, int(i)) for i in instants.searchsorted(times)]
-    sizes = [len(lengths) for lengths, _ in chosen]
-    lengths = np.concatenate([lengths for lengths, _ in chosen])
-    coefficients = np.concatenate([coefficients for _, coefficients in chosen])
+    selected_stops = [
+        _earliest_stop(motion, instants, stops, int(i)) for i in instants.searchsorted(times)
+    ]
+    sizes = [len(lengths) for lengths, _ in selected_stops]
+    lengths = np.concatenate([lengths for lengths, _ in selected_stops])
+    coefficients = np.concatenate([coefficients for _, coefficients in selected_stops])
     return lengths, coefficients, np.append(0, np.cumsum(sizes))
 
 
@@ -118,12 +120,12 @@ def _earliest_stop(
     StopPieces
         Durations (m,) in s and coefficients (m, 6, 4) of the pieces, with the continued motion.
     """
-    last = next((k for k in range(first, len(stops)) if stops[k] is not None), len(stops) - 1)
+    stop_index = next((k for k in range(first, len(stops)) if stops[k] is not None), len(stops) - 1)
     no_pieces = np.zeros(0), np.zeros((0, DEGREE + 1, 4))
-    stop = stops[last] or no_pieces
-    if last == first:
+    stop = stops[stop_index] or no_pieces
+    if stop_index == first:
         return stop
-    lengths, coefficients = _motion_between(motion, instants[first], instants[last])
+    lengths, coefficients = _motion_between(motion, instants[first], instants[stop_index])
     return np.append(lengths, stop[0]), np.concatenate([coefficients, stop[1]])
 
 
@@ -208,10 +210,10 @@ def _stops_from_states(
     hold = np.divide(velocity_to_lose, peak, out=np.zeros_like(v), where=peak > 0)
     durations = np.stack([(a + peak) / jerk, np.maximum(hold, 0.0), peak / jerk])
     ramp = side * np.where(np.isinf(jerk), 0.0, jerk)
-    rest = np.zeros_like(v)
+    zero = np.zeros_like(v)
     # Accelerations and jerks of the three phases and of the rest after them
-    accelerations = np.stack([states.qdd, -side * peak, -side * peak, rest])
-    jerks = np.stack([-ramp, rest, ramp, rest])
+    accelerations = np.stack([states.qdd, -side * peak, -side * peak, zero])
+    jerks = np.stack([-ramp, zero, ramp, zero])
     return _pieces_of_phases(states.q, velocity, accelerations, jerks, durations)
 
 

@@ -284,8 +284,8 @@ class _DualProgram:
 
         # The program has one condition for the middle of every interval.
         size = len(self.lengths)
-        first = POINT_POSITIONS.index(0.5) * size
-        middles = slice(first, first + size)
+        first_middle = POINT_POSITIONS.index(0.5) * size
+        middles = slice(first_middle, first_middle + size)
         y, max_speed = self.y[middles], self.max_speed[middles]
         p, kappa = self.p[middles], self.kappa[middles]
         limit_squares = self.y[1:size][self.may_jump_at] ** 2

@@ -288,5 +288,5 @@ def _smooth_sections(trajectory: Trajectory, robot: Robot, pieces: slice) -> tup
     # The pieces are short where the motion changes quickly.
     group = np.arange(len(moves)) // max(1, len(moves) // PATH_INTERVALS)
     is_last = np.column_stack([turns, jumps, np.diff(group)]).any(axis=1)
-    first = np.append(0, np.flatnonzero(is_last) + 1)
-    return pieces.start + first, moves[first].any(axis=1)
+    first_pieces = np.append(0, np.flatnonzero(is_last) + 1)
+    return pieces.start + first_pieces, moves[first_pieces].any(axis=1)

@@ -359,11 +359,11 @@ def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
         mu = friction_coefficient(
             required_friction(drive), drive.ratio * path.speed[2, :, i] * root
         )
-        first, second = path.torque_rows(i, drive, motor, mu)
-        a, b, c, k = row_coefficients(first - second)
+        row_1, row_2 = path.torque_rows(i, drive, motor, mu)
+        a, b, c, k = row_coefficients(row_1 - row_2)
         # The larger side is the torque, and the torque is at least −1.
-        torque = np.where(a * u + b * x + c + k * root > 0, first, second)
-        rows += [first, second, -torque]
+        torque = np.where(a * u + b * x + c + k * root > 0, row_1, row_2)
+        rows += [row_1, row_2, -torque]
     a, b, c, k = row_coefficients(np.stack(rows, axis=2))
     root = root[:, None]
     return a, b + k / (2 * root), c + k * root / 2
