@@ -707,10 +707,10 @@ class _Simulation:
         count = max(int(np.sum(powered)), 1)
         tripped = played.states[-1, TRIP] > 0
         errors = (states[:, Q] - self.planned)[:count]
-        tracking = []
-        for name, error in zip(JOINTS, errors.T, strict=True):
-            rms = float(np.sqrt(np.mean(error**2)))
-            tracking.append(Tracking(name, float(np.abs(error).max()), rms))
+        tracking = tuple(
+            Tracking(name, float(np.abs(error).max()), float(np.sqrt(np.mean(error**2))))
+            for name, error in zip(JOINTS, errors.T, strict=True)
+        )
         motors = tuple(
             self._motor_use(k, torque[:count, k], played, bool(tripped[k]))
             for k, joint in enumerate(robot.joints)
@@ -727,7 +727,7 @@ class _Simulation:
             tip=tip,
             following=played.error,
             powered=powered,
-            tracking=tuple(tracking),
+            tracking=tracking,
             motors=motors,
             losses=losses,
             scenario=self.scenario,

@@ -102,13 +102,12 @@ class LimitCheck:
             The result with the margin (bound − worst)/bound.
         """
         bound = limit.high
-        margin = (bound - worst) / bound
         return cls(
             limit.name,
             limit.joint,
             worst=worst,
             limit=bound,
-            margin=margin,
+            margin=(bound - worst) / bound,
             time=time,
             unit=limit.unit,
         )

@@ -132,22 +132,18 @@ class JumpRecorder:
         """
         checks = []
         for i, joint in enumerate(self.robot.joints):
-            limits = [_cached_jump_limit(joint.name, JUMP_TOLERANCE, joint.slides)]
+            # Tolerances of position, velocity and acceleration, as multiples of JUMP_TOLERANCE.
+            scales = [1.0]
             if not is_table:
-                limits.append(
-                    _cached_jump_limit(
-                        joint.name, JUMP_TOLERANCE * joint.velocity, joint.slides, derivative=1
-                    )
+                scales.append(joint.velocity)
+                if joint.jerk is not None:
+                    scales.append(joint.acceleration)
+            for derivative, scale in enumerate(scales):
+                limit = _cached_jump_limit(
+                    joint.name, JUMP_TOLERANCE * scale, joint.slides, derivative=derivative
                 )
-            if not is_table and joint.jerk is not None:
-                limits.append(
-                    _cached_jump_limit(
-                        joint.name, JUMP_TOLERANCE * joint.acceleration, joint.slides, derivative=2
-                    )
-                )
-            for limit in limits:
-                jump = float(self.worst[limit.derivative, i])
-                time = float(self.time[limit.derivative, i])
+                jump = float(self.worst[derivative, i])
+                time = float(self.time[derivative, i])
                 checks.append(LimitCheck.from_extreme(limit, jump, time))
         return checks
 

@@ -80,11 +80,9 @@ class PieceBlock:
         The rows are the four quantities, and the columns are the joints. A polynomial lies between
         its smallest and its largest Bernstein coefficient.
         """
-        lowest = np.stack(
-            [coefficients.min(axis=(0, 1)) for coefficients in self.bernstein_coefficients]
-        )
-        highest = np.stack(
-            [coefficients.max(axis=(0, 1)) for coefficients in self.bernstein_coefficients]
+        lowest, highest = (
+            np.stack([extreme(values, axis=(0, 1)) for values in self.bernstein_coefficients])
+            for extreme in (np.min, np.max)
         )
         return lowest, highest
 

@@ -131,10 +131,8 @@ class PromiseResult:
 
         None if the phase has no corners.
         """
-        for check in self.checks:
-            if check.name == CornerRounding.name:
-                return check.worst
-        return None
+        reaches = (check.worst for check in self.checks if check.name == CornerRounding.name)
+        return next(reaches, None)
 
 
 def check_path_promises(

@@ -188,17 +188,11 @@ class _StopPath:
         dq = np.stack([starts.qd, ends.qd])
         ddq = np.stack([starts.qdd, ends.qdd])
         body = RigidBody.from_robot(robot)
-        inertia, velocity, gravity = body.path_load(
-            q.reshape(-1, 4), dq.reshape(-1, 4), ddq.reshape(-1, 4)
-        )
-        effort_terms = (
-            inertia.reshape(q.shape),
-            velocity.reshape(q.shape),
-            gravity.reshape(q.shape),
-        )
+        path_load = body.path_load(q.reshape(-1, 4), dq.reshape(-1, 4), ddq.reshape(-1, 4))
+        inertia, velocity, gravity = (term.reshape(q.shape) for term in path_load)
         node_speeds = np.abs(np.append(dq[0], dq[1, -1:], axis=0))
         rests = np.all(node_speeds <= rest_speeds(robot), axis=1)
-        return cls(s, q, dq=dq, ddq=ddq, effort_terms=effort_terms, rests=rests)
+        return cls(s, q, dq=dq, ddq=ddq, effort_terms=(inertia, velocity, gravity), rests=rests)
 
 
 def quickest_stops(
