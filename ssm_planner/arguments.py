@@ -100,7 +100,18 @@ def _matches(hint: Any, value: Any) -> bool:
 
 
 def _is_numeric(value: Any) -> bool:
-    """Return True if a value can be converted to an array of integers or floats."""
+    """Return True if a value can be converted to an array of integers or floats.
+
+    Parameters
+    ----------
+    value : object
+        Value of any type, such as a nested list.
+
+    Returns
+    -------
+    bool
+        False for texts, booleans, complex numbers, other objects and lists of unequal length.
+    """
     import numpy as np
 
     try:

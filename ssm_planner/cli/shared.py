@@ -253,6 +253,11 @@ def progress_reporter(message: str = "") -> Progress:
 
         In a long series of steps, only the first few and the last step are always printed. The
         others are left out if less than `REPORT_INTERVAL` seconds have passed since the last line.
+
+        Parameters
+        ----------
+        step : Step
+            Step that has just been reached.
         """
         nonlocal last_report, first_done, series_start
         now = time.perf_counter()

@@ -116,6 +116,11 @@ def print_lines(lines: Iterable[str]) -> None:
     """Print lines, wrapped to the width of the terminal and with coloured verdicts.
 
     Colours are omitted if stdout is not a terminal, or if the variable NO_COLOR is set.
+
+    Parameters
+    ----------
+    lines : iterable of str
+        Texts to print, each of one or more lines.
     """
     has_colours = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
     if os.environ.get("NO_COLOR"):

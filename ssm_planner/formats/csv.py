@@ -842,10 +842,18 @@ def _rounding_errors(path: Path, layout: TableLayout, positions: list[TableColum
 
 
 def _last_digit_exponent(text: str) -> int:
-    """Return the power of ten of the last digit of a decimal number, such as −2 for "1.25".
+    """Return the power of ten of the last digit of a decimal number.
 
-    The result for a zero is 99, which means unknown, because a zero does not show how the numbers
-    of its column are rounded.
+    Parameters
+    ----------
+    text : str
+        Decimal number, such as "1.25" or "3e-4".
+
+    Returns
+    -------
+    int
+        Exponent of the last digit, such as −2 for "1.25". The result for a zero is 99, which means
+        unknown, because a zero does not show how the numbers of its column are rounded.
     """
     mantissa, _, exponent = text.lower().partition("e")
     if not mantissa.strip("+-0."):

@@ -446,7 +446,23 @@ def _lens_frame(section: Section, model: Any) -> Array:
     """
 
     def direction(name: str) -> Array:
-        """Return the unit vector (3,) that the file states under a key."""
+        """Read a direction and normalize it.
+
+        Parameters
+        ----------
+        name : str
+            Key of the section with three numbers.
+
+        Returns
+        -------
+        (3,) array
+            Unit vector.
+
+        Raises
+        ------
+        ProblemError
+            If all numbers are 0, or a number is not finite.
+        """
         vector = np.array(getattr(model, name))
         length = float(np.linalg.norm(vector))
         if not 1e-9 < length < np.inf:

@@ -418,7 +418,18 @@ def derate_motors(problem: Problem, margin: float) -> Problem:
     remaining = 1 - margin - MARGIN_ALLOWANCE
 
     def derate(joint: Joint) -> Joint:
-        """Return a joint whose motor has the reduced limits."""
+        """Reduce the limits of the motor of one joint.
+
+        Parameters
+        ----------
+        joint : Joint
+            Joint with or without a motor.
+
+        Returns
+        -------
+        Joint
+            Copy with a weaker motor, or the same joint if it has no motor.
+        """
         motor = joint.motor
         if motor is None:
             return joint

@@ -161,7 +161,13 @@ class Store(AbstractContextManager["Store"]):
     """
 
     def __init__(self, path: Path) -> None:
-        """Lock and open the database, and create it if necessary. `path` is its file."""
+        """Lock and open the database, and create it if necessary.
+
+        Parameters
+        ----------
+        path : Path
+            File of the database. The lock is a file with the extension .lock next to it.
+        """
         self.path = path
         self._context: str | None = None
         # SQLite loses a lock if another handle of its file closes, so the lock has its own file.

@@ -197,7 +197,13 @@ def _start_worker() -> subprocess.Popen[bytes]:
 
 
 def _terminate_worker(process: subprocess.Popen[bytes]) -> None:
-    """Kill a worker, close its pipes and wait for its end."""
+    """Kill a worker, close its pipes and wait for its end.
+
+    Parameters
+    ----------
+    process : Popen
+        Process of the worker, running or ended.
+    """
     process.kill()
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:
