@@ -176,8 +176,12 @@ def drive_torque(
     ----------
     drive : Drive
         Drive with its friction.
-    tau_rigid, qd, qdd : array or expression
-        Rigid-body effort, velocity and acceleration of the joint in SI units.
+    tau_rigid : array or expression
+        Effort of the rigid bodies on the joint, N·m or N.
+    qd : array or expression
+        Velocity of the joint, rad/s or m/s.
+    qdd : array or expression
+        Acceleration of the joint, rad/s² or m/s².
     direction : array or expression
         +1, −1, or 0 for a drive that holds.
     breakaway : array or expression
@@ -189,6 +193,7 @@ def drive_torque(
         Motor torque (N·m), and effort in the mesh (N·m or N).
     """
     friction = required_friction(drive)
+    # Speed and acceleration of the motor.
     w = drive.ratio * qd
     wd = drive.ratio * qdd
     select = namespace_of(breakaway, qd).where
@@ -268,7 +273,8 @@ def joint_direction(
     joint : Joint
         Joint with its limits, which define the speeds that count as rest.
     qd, qdd, qddd : float, array or expression
-        Velocity, acceleration and jerk of the joint, in rad or m and s.
+        Velocity (rad/s or m/s), acceleration (rad/s² or m/s²) and jerk (rad/s³ or m/s³) of the
+        joint.
     side : int
         For a joint at rest, +1 selects the direction just after the instant, where a start has
         static friction. −1 selects the direction just before it, at which the joint may arrive.

@@ -232,10 +232,12 @@ def motor_torque_rows(
     """
     if isinstance(direction, int) and direction not in (1, -1):
         raise ValueError(f"direction must be +1 or −1, not {direction!r}")
-    f = required_friction(drive)
-    uphill, downhill = mesh_coefficients(drive, f.mu if mu is None else mu)
+    friction = required_friction(drive)
+    uphill, downhill = mesh_coefficients(drive, friction.mu if mu is None else mu)
     if not drive.two_nuts:
-        return TorqueRows((uphill, downhill), drive.input_inertia, f.b_c * direction, f.b_v)
+        return TorqueRows(
+            (uphill, downhill), drive.input_inertia, friction.b_c * direction, friction.b_v
+        )
     xp = namespace_of(direction, mu)
     # The main nut carries F − P, and the second nut P + m₂·qdd. The direction alone selects the
     # branch of each nut.
@@ -243,7 +245,10 @@ def motor_torque_rows(
     secondary = xp.where(direction > 0, uphill, downhill)
     inertia = drive.input_inertia + secondary * drive.second_nut_mass / drive.ratio
     return TorqueRows(
-        (main, main), inertia, f.b_c * direction + drive.preload * (secondary - main), f.b_v
+        (main, main),
+        inertia,
+        friction.b_c * direction + drive.preload * (secondary - main),
+        friction.b_v,
     )
 
 

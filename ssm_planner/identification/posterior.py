@@ -135,7 +135,8 @@ class MapModel:
         """
         friction, top_speed = 0.5 * float(np.mean(np.abs(self.tau))), float(np.abs(self.w).max())
         effort = friction / float(mesh_coefficients(self.drive, TYPICAL_MU)[0])
-        # The prior spans factors of 2 to 5 on both sides of these guesses (`PRIOR_DEVIATIONS`).
+        # One standard deviation of the prior is a factor of 1.6 to 4.5 (`PRIOR_DEVIATIONS`), so the
+        # guesses only have to be of the right order.
         centre = {
             "b_c": 0.5 * friction,
             "b_v": 0.2 * friction / top_speed,

@@ -219,6 +219,7 @@ def check_task(name: str, value: ArrayLike) -> Array:
         If the shape is wrong, a value is not finite, or a tilt is outside [−π, π].
     """
     task = check_rows(name, value, 4)
+    # The tolerance permits a rounded π.
     rows = np.flatnonzero(np.abs(task[:, 1]) > math.pi + 1e-9)
     if rows.size:
         raise GeometryError(

@@ -137,6 +137,7 @@ def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
     times = np.linspace(trajectory.breaks[0], trajectory.breaks[-1], INSTANTS)
     samples = trajectory.sample(times)
     jacobians = jacobian(robot, samples.q)
+    # Displacement of the tip per unit of each joint, (instants, 4).
     lengths = np.linalg.norm(jacobians[:, :3], axis=1)
     efforts = RigidBody.from_robot(robot).inverse_dynamics(samples.q, samples.qd, samples.qdd)
     sources = []

@@ -152,6 +152,7 @@ def _motion_between(motion: Trajectory, start: float, end: float) -> StopPieces:
     index = motion.piece_of(motion.breaks[0] + (nodes[1:] + nodes[:-1]) / 2)
     coefficients = motion.pieces(index).copy()
     shift = nodes[0] - breaks[index[0]]
+    # Only the first piece may begin within a piece of the motion.
     powers = shift ** np.arange(DEGREE + 1)
     for k in range(DEGREE + 1):
         # (t + shift)^i contains comb(i, k) shift^(i − k) t^k.

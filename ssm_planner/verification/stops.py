@@ -470,6 +470,7 @@ class _DecelerationBounds:
         constant = np.where(moves, -limit / np.abs(a), -np.inf)
         with_square = np.where(moves, -ddq / a, 0.0)
         single_bounds = [np.stack([constant, with_square, np.zeros_like(a)])]
+        # Rows of braking motors: bounds of the first and of the second linear function.
         halves: tuple[list[Array], list[Array]] = ([], [])
         speed_dependent: list[int] = []
         for i, drive, _ in motorised_joints(robot.joints):
