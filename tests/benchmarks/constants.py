@@ -9,7 +9,8 @@ more than a tenth. `Work` is the same on every machine. `--cpu` also compares CP
 alternating runs.
 
 The table goes to results/constants.md. `--only` measures the constants with these names, or of
-these modules, and replaces their rows.
+these modules, and replaces their rows. Every row states when it was measured. Rows of constants
+that no longer exist, or that have another value now, are dropped.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import argparse
 import ast
 import builtins
 import dataclasses
+import datetime
 import importlib.machinery
 import importlib.util
 import json
@@ -43,7 +45,7 @@ LEAST_WORK = 0.05
 REPEATS = 3
 """Pairs of runs that confirm a change of CPU time."""
 FACTORS = (2.0, 0.5)
-HEADER = ("constant", "value", "reason", "moved", "problem", "change")
+HEADER = ("constant", "value", "reason", "moved", "problem", "change", "measured")
 NAMES = [
     *(f"coupled {k}" for k in (48, 20, 54, 2, 60, 44, 38, 30, 29, 34, 53)),
     *("tilt_insert", "waypoints", "eye_approach", "laser_scan", "rounded_corners", "direct_reach"),
@@ -53,8 +55,12 @@ NAMES = [
     *("eye_approach, optimal", "waypoints, optimal", "random 1024, one, optimal"),
     *("random 5028, optimal", "coupled 53, optimal", "random 5002, relaxed"),
     *("random 5034, relaxed", "random 5021", "random 5047", "random 51051"),
+    *("slow tip", "moving 9602", "moving 9607", "moving 9609", "moving 9617"),
 ]
 """Names of the problems: a shipped problem, or a kind and a seed, and how it is planned.
+
+"moving" are random free motions that begin at speed. "slow tip" is `tilt_insert` at 2 mm/s, whose
+ramps at both ends are short.
 
 Problems that are planned quickly and change easily come first.
 """
@@ -163,6 +169,7 @@ class Finder:
 def problem_of(name: str) -> tuple[Any, bool]:
     """Return a named problem, and whether the planner searches for relaxations."""
     from ssm_planner.loading.load import load_problem
+    from ssm_planner.problem.limits import TipSpeed
     from ssm_planner.problem.value import unchecked_copy
     from tests.benchmarks.direction_free import coupled
     from tests.support.random_problems import random_problem
@@ -172,6 +179,10 @@ def problem_of(name: str) -> tuple[Any, bool]:
     base = load_problem(ROOT / "problems/tilt_insert.yaml")
     if words[0] == "random":
         problem = random_problem(base, int(words[1]), most=1 if "one" in how else 3)
+    elif words[0] == "moving":
+        problem = moving(random_problem(base, int(words[1]), most=1), int(words[1]))
+    elif kind == "slow tip":
+        problem = dataclasses.replace(base, limits=(*base.limits, TipSpeed(2e-3)))
     elif words[0] == "coupled":
         problem = coupled(base, int(words[1]))
     else:
@@ -180,6 +191,32 @@ def problem_of(name: str) -> tuple[Any, bool]:
     if problem.planner != "toppra":
         problem = unchecked_copy(problem, planner=planner)
     return problem, "relaxed" in how
+
+
+def moving(problem: Any, seed: int) -> Any:
+    """Return a free motion to the first target of a problem that begins at a random speed."""
+    import numpy as np
+
+    from ssm_planner.kinematics import Mechanism, task_rates
+    from ssm_planner.planning.phases import start_configurations
+    from ssm_planner.problem.limits import TASK_COORDINATES, TaskRate
+    from ssm_planner.problem.motion import Free, Task
+
+    rng = np.random.default_rng(seed)
+    target = next((m.to for m in problem.motion if m.kind in ("free", "straight")), None)
+    to = {**problem.start.set_coordinates, **(target.set_coordinates if target else {})}
+    qd = rng.uniform(-0.8, 0.8, 4) * problem.robot.velocities * (rng.random(4) < 0.7)
+    q = start_configurations(problem)[0]
+    rates = task_rates(Mechanism.from_robot(problem.robot), q[None], qd[None])[0]
+    return dataclasses.replace(
+        problem,
+        motion=(Free(Task(**to)),),
+        start_rate=dict(zip(TASK_COORDINATES, rates.tolist(), strict=True)),
+        end_rate={},
+        duration=None,
+        objective="time",
+        limits=tuple(limit for limit in problem.limits if not isinstance(limit, TaskRate)),
+    )
 
 
 def measured(name: str) -> tuple[float, str, float, float]:
@@ -300,9 +337,15 @@ def row(constant: Constant, base: dict[str, list[Any]], *, cpu: bool) -> list[st
     """Return the row of one constant from its measurements."""
     effects = (effect(constant, factor, base, cpu=cpu) for factor in FACTORS)
     result = next((item for item in effects if item is not None), ("both ways", "none", "–"))
+    today = datetime.datetime.now(tz=datetime.timezone.utc).date().isoformat()
+    return [*description(constant), *result, today]
+
+
+def description(constant: Constant) -> list[str]:
+    """Return the first cells of a row: the name of a constant, its value and its reason."""
     short = constant.value if len(constant.value) <= 40 else constant.value[:37] + "…"
     label = f"{constant.module.removeprefix('ssm_planner.')}.{constant.name}"
-    return [f"`{label}`", f"`{short}`", constant.reason, *result]
+    return [f"`{label}`", f"`{short}`", constant.reason]
 
 
 def read_rows(file: Path) -> dict[str, list[str]]:
@@ -310,23 +353,31 @@ def read_rows(file: Path) -> dict[str, list[str]]:
     if not file.is_file():
         return {}
     lines = file.read_text(encoding="utf-8").splitlines()
-    cells = [line.strip("| ").split(" | ") for line in lines if line.startswith("| `")]
-    return {line[0]: line for line in cells if len(line) == len(HEADER)}
+    cells = [line.strip("|").split("|") for line in lines if line.startswith("| `")]
+    table = [[cell.strip() for cell in line] for line in cells]
+    return {line[0]: line for line in table if len(line) == len(HEADER)}
 
 
 def document(rows: dict[str, list[str]]) -> str:
     """Return the page with the table of the present constants."""
-    present = [f"`{c.module.removeprefix('ssm_planner.')}.{c.name}`" for c in constants()]
-    table = [rows.get(label, [label, "", "", "", "not measured", ""]) for label in present]
+    table = []
+    for constant in constants():
+        label, value, reason = description(constant)
+        _, earlier_value, _, *effect = rows.get(label, [label, "", "", "", "", "", ""])
+        is_valid = effect[-1] and earlier_value == value
+        table.append(
+            [label, value, reason, *(effect if is_valid else ("", "not measured", "", ""))]
+        )
     lines = [
         "# Constants of the planner",
         "",
         "`python -m tests.benchmarks.constants` writes this table. Every numeric constant of planning, pipeline, "
         "elements and interior is doubled, then halved. Numbers near 1 move by their difference from 1. The row names "
         "the first problem whose duration changes by more than 1e-4, whose outcome changes, or whose work changes by "
-        "more than 10 %. `none` marks constants that no problem of the benchmark needs.",
+        "more than 10 %. `none` marks constants that no problem of the benchmark needs. The last "
+        "column states the day of the measurement. A constant that was changed or renamed since then counts as not measured.",
         "",
-        f"{len(present)} constants.",
+        f"{len(table)} constants, {sum(bool(line[-1]) for line in table)} of them measured.",
         "",
         "| " + " | ".join(HEADER) + " |",
         "|---" * len(HEADER) + "|",
@@ -351,6 +402,7 @@ def main() -> int:
         print(*(f"{c.module}.{c.name} = {c.value}" for c in chosen), sep="\n")
         return 0
     rows = read_rows(options.output)
+    options.output.write_text(document(rows), encoding="utf-8")
     base = {line[0]: line[1:] for line in run("", "", 1.0, NAMES)}
     for constant in chosen:
         line = row(constant, base, cpu=options.cpu)
