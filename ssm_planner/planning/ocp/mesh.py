@@ -16,11 +16,6 @@ MIN_ARC_SHARE = 0.01
 
 An arc is the time between two switching points, at which another limit becomes binding.
 """
-END_ARC_SPEED_SHARE = 0.5
-"""A short arc at the start or end remains if ṡ reaches this share of its maximum in it.
-
-Motions that are slow at their ends spend little time in such arcs and need no elements there.
-"""
 MIN_ELEMENTS_PER_ARC = 5
 """Smallest number of elements of an arc."""
 
@@ -74,11 +69,9 @@ class Mesh:
             nearest = np.abs(np.array(ends) - switch).min()
             if nearest > MIN_ARC_SHARE * times[-1]:
                 ends.append(float(switch))
-            elif speed[k] >= END_ARC_SPEED_SHARE * speed.max() and nearest in (
-                switch,
-                times[-1] - switch,
-            ):
-                # The motion reaches its speed between two grid points, k and its inner neighbour.
+            elif nearest in (switch, times[-1] - switch):
+                # A short arc at the start or end remains, because s̈ is largest there. The motion
+                # reaches its speed between two grid points, k and its inner neighbour.
                 # `extra_time` estimates when, with the acceleration up to k.
                 inner = k + (1 if nearest == switch else -1)
                 acceleration = speed[k] / nearest
