@@ -28,8 +28,8 @@ from ssm_planner.templates import (
 )
 from tests.support.paths import ROOT
 
-KEYS, SCHEMA = cache(file_keys), cache(schema)
-"""Both functions take long, and several tests call them for the same kind of file."""
+KEYS, SCHEMA, LOADED_KEYS = cache(file_keys), cache(schema), cache(load.file_keys)
+"""These functions take long, and several tests call them for the same kind of file."""
 LOADERS: dict[str, Callable[[Path], Any]] = {
     "problem": load.load_problem,
     "robot": load.load_robot,
@@ -43,8 +43,10 @@ LOADERS: dict[str, Callable[[Path], Any]] = {
 
 
 @pytest.fixture(autouse=True)
-def _keys_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def _once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(templates, "file_keys", KEYS)
+    monkeypatch.setattr("ssm_planner.loading.file_keys", LOADED_KEYS)
+    monkeypatch.setattr("ssm_planner.cli.files.schema", SCHEMA)
 
 
 @pytest.mark.parametrize("kind", LOADERS)
@@ -140,7 +142,9 @@ def test_the_page_of_keys_is_current_and_describes_every_key(
 ) -> None:
     script = runpy.run_path(str(ROOT / "docs/make_reference.py"))
     grouped = cache(script["grouped"])
-    monkeypatch.setitem(script["page"].__globals__, "grouped", grouped)
+    functions = {"grouped": grouped, "file_keys": LOADED_KEYS}
+    for name, function in functions.items():
+        monkeypatch.setitem(script["page"].__globals__, name, function)
     assert script["TARGET"].read_text(encoding="utf-8") == script["page"](), "run `make api`"
     for kind in FILE_KINDS:
         for path, rows in grouped(kind).items():
