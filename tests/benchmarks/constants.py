@@ -403,6 +403,8 @@ def main() -> int:
         return 0
     rows = read_rows(options.output)
     options.output.write_text(document(rows), encoding="utf-8")
+    if not chosen:  # Only rows of constants that no longer exist are dropped.
+        return 0
     base = {line[0]: line[1:] for line in run("", "", 1.0, NAMES)}
     for constant in chosen:
         line = row(constant, base, cpu=options.cpu)
