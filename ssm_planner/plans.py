@@ -983,8 +983,8 @@ class Plan:
     def save(self, folder: str | Path) -> dict[str, Path]:
         """Write the result folder that `ssm-planner plan` writes.
 
-        The folder contains plan.json, report.html, trajectory.csv and figures. Before, toppra and
-        the proof cross-check the plan (`cross_checked`).
+        The folder contains plan.json, report.html, trajectory.csv and figures. The method
+        `cross_checked` first compares the plan with toppra and proves its limits.
 
         Parameters
         ----------

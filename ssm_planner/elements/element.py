@@ -243,7 +243,9 @@ class ElementModel(ABC):
     def cost(self) -> ca.Function | None:
         """Function (x, *p) → ℓ, the integrand of the cost. None if only time counts.
 
-        The effort is the difference to the torques at the same positions with infinitely low speed.
+        x is the state of the joints and p are the parameters of the problem. For the aim "effort",
+        the cost compares the motor torques with those of an infinitely slow motion through the same
+        positions.
         """
         if self.aim == "time":
             return None

@@ -116,9 +116,11 @@ class PosteriorSample:
 
     @property
     def ordered(self) -> tuple[Array, Array]:
-        """Coordinates (sets, k) and weights (sets,), sorted along the longest principal axis.
+        """Parameter sets and their weights, sorted along the longest principal axis.
 
-        In this order, systematic resampling spreads the draws evenly.
+        The coordinates have the shape (sets, k), with one row for each set of k parameters. The
+        weights have the shape (sets,). Systematic resampling draws sets at equal steps of the summed
+        weight, so in this order the drawn sets cover the whole distribution.
         """
         z, weight = self.flat
         order = _principal_order(z, weight)

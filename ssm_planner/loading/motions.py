@@ -320,15 +320,18 @@ class MotionKey:
 
 
 def _straight_motions(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the straight motion that the value of a key describes.
+    """Yield the straight motion of an entry of the motion list.
+
+    An entry such as `tilt: {to: -100 deg}` changes one task coordinate, and an entry `straight`
+    states several of them.
 
     Parameters
     ----------
     section : Section
-        Part of the file with the value. The last key of its path is `straight` or the name of a
+        Part of the file below the key of the entry, which is `straight` or the name of a task
         coordinate such as `tilt`.
     model : object
-        Validated value in SI units.
+        Validated content of the section, with values in SI units.
 
     Yields
     ------

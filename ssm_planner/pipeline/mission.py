@@ -171,7 +171,10 @@ class _Search:
             self.progress(Step(f"other joints for {name}, attempt {next(number)}{found}"))
 
         def plan(alternative: Problem) -> MissionMotion | Reason:
-            """Plan a problem with other joints, and remember its motion if it is the shortest."""
+            """Plan an alternative, and remember its motion if it is the shortest so far.
+
+            Differences below the share `GAP` are too small to count.
+            """
             outcome = self.plan(with_fast_planner(alternative))
             if outcome.reason is not None:
                 return outcome.reason

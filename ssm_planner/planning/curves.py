@@ -304,8 +304,8 @@ class CurveFollower:
         Returns
         -------
         joints : (n, 4) array
-            Joint positions, rad and m. If the motion keeps its distance from the retina, they are
-            not needed, and both rows contain `q`.
+            Joint positions, rad (joints 1 to 3) and m (joint 4). They are not used if the motion
+            keeps its distance from the retina. Both rows then repeat the present positions.
         tips : (n, 3) array
             Positions of the tip, m.
         spins : (n,) array

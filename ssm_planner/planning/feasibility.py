@@ -83,9 +83,10 @@ class _PhaseSamples:
         return f"{name}, {100 * s:.0f} % of the way"
 
     def refined(self, k: int) -> "_PhaseSamples":
-        """Return as many samples of the path between the neighbours of sample k.
+        """Sample the path again between the neighbours of sample k, with the same number of samples.
 
-        Without a given path, no place between the points is known, so the result is unchanged.
+        If the phase has no given path, it cannot be sampled between its points. The samples are
+        then returned unchanged.
         """
         if self.phase.path is None:
             return self

@@ -518,6 +518,8 @@ class _PhaseBuilder:
     def _tip_phase(self, motion: Follow) -> Phase:
         """Build the phase in which the tip follows a line or an arc.
 
+        If the tip stays at one point, the joints move in a straight line, or rest.
+
         Parameters
         ----------
         motion : Follow
@@ -526,8 +528,9 @@ class _PhaseBuilder:
         Returns
         -------
         Phase
-            The phase with its path. The robot rests in it if the curve has no length.
+            The phase with its path. The robot rests in it if neither the tip nor a joint moves.
         """
+        # Joint positions (4,) in place of a path mean that the curve has no length.
         path = CurveFollower(self.problem, self.mechanism, motion, self.start, self.q).tip_path()
         if isinstance(path, JointPath):
             return self._phase_along(motion, path)

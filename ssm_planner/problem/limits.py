@@ -851,14 +851,15 @@ def _change_joint(problem: P, name: str, **changes: Any) -> P:
 
 
 def _set_limit(problem: P, limit: Limit) -> P:
-    """Return a copy of a problem with a limit on the task.
+    """Return a copy of a problem in which a limit is added or replaced.
 
     Parameters
     ----------
     problem : Problem
         Problem that is copied.
     limit : Limit
-        The limit. It replaces the limit of the problem with the same key, if there is one.
+        Limit on the motion of the tool, such as a range of the tilt. It replaces a limit with the
+        same key.
 
     Returns
     -------

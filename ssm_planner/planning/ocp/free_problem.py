@@ -251,12 +251,15 @@ class FreeProblem(OcpProblem):
         return mask
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the constants with which the functions of the elements are evaluated.
+        """Return the constant arguments of the functions that evaluate an element.
+
+        An element is a time interval of the motion.
 
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            Latest motion. Free motions do not depend on it.
+            Variables of the latest motion. Each row contains four values for each of m coordinates
+            and the length of an element. The constants of free motions do not depend on it.
 
         Returns
         -------

@@ -329,11 +329,11 @@ def _passing_times(grid: Array, speed_squared: Array) -> Array:
 def _grid(knots: Array, points: int, coarse: Retiming | None) -> Array:
     """Choose the values of s from 0 to 1 at which TOPP-RA imposes its constraints.
 
-    Without a coarse motion, the grid is uniform in s. With one, it is nearly uniform in time,
-    because the interpolation scheme loses most in intervals that take long: it satisfies the
-    constraints at both ends of an interval with a single s̈. With the same number of points, such a
-    grid loses a quarter as much. In both cases the grid points nearest to the knots are moved to
-    the knots.
+    Without a coarse motion, the grid is uniform in s. With one, it is nearly uniform in time. The
+    scheme satisfies the constraints at both ends of an interval with a single s̈, which makes the
+    motion slightly slower than the fastest one, most of all in intervals that take long. With the
+    same number of points, a grid that is uniform in time causes a quarter of this delay. In both
+    cases, the grid points nearest to the knots are moved to the knots.
 
     Parameters
     ----------
