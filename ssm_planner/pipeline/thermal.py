@@ -258,8 +258,9 @@ def _find_smallest_cool(
     The number is a multiplier of heat, a share of the necessary rest, or a share by which all
     phases take longer. A motion is called cool if it passes the check. The excess of heat,
     h / (T + P) − 1 with the symbols of the module's docstring, falls with the number. Its root is
-    bracketed between two of the `numbers` and found by Brent's method. The result is on the cool
-    side of the root, with an excess above −GAP, or within GAP of a number whose motion is too hot.
+    bracketed between two of the `numbers` and found by the Illinois method, a variant of false
+    position. The result is on the cool side of the root, with an excess above −GAP, or within GAP
+    of a number whose motion is too hot.
 
     Parameters
     ----------
@@ -276,30 +277,32 @@ def _find_smallest_cool(
         The number and its motion. None if no number gives a cool motion, if the excess changes by
         less than `GAP` from one number to the next, or if a motion exceeds another limit.
     """
-    from scipy.optimize import brentq  # It takes 0.1 s to import, and few motions need it.
-
-    outcomes = {0.0: hottest}
-
-    def excess(number: float) -> float:
-        """Return the excess of heat, which counts as 0 from −GAP to 0, so that the search ends."""
-        if number not in outcomes:
-            outcomes[number] = motion(number)
-        heat = outcomes[number].excess_heat or 0.0
-        if outcomes[number].passed:
-            return min(heat + GAP, 0.0)
-        return heat or GAP  # The motion exceeds another limit.
-
-    lower, excess_at_lower = 0.0, np.inf
+    # The root lies between `lower`, whose motion has the excess `excess_at_lower` > 0, and `upper`,
+    # whose motion stays below the allowed heat by the share `margin_at_upper` ≥ 0.
+    lower, excess_at_lower = 0.0, hottest.excess_heat or 0.0
     for upper in numbers:
-        excess_at_upper = excess(upper)
-        if outcomes[upper].passed:
-            brentq(excess, lower, upper, xtol=GAP)
-            number = min(number for number, outcome in outcomes.items() if outcome.passed)
-            return number, outcomes[number]
-        if outcomes[upper].excess_heat is None or abs(excess_at_lower - excess_at_upper) <= GAP:
+        outcome = motion(upper)
+        if outcome.passed:
             break
-        lower, excess_at_lower = upper, excess_at_upper
-    return None
+        excess = outcome.excess_heat
+        if excess is None or (lower and abs(excess - excess_at_lower) <= GAP):
+            return None
+        lower, excess_at_lower = upper, excess
+    else:
+        return None
+    margin_at_upper, last = -(outcome.excess_heat or 0.0), ""
+    while upper - lower > GAP and -(outcome.excess_heat or 0.0) > GAP:
+        secant = excess_at_lower / (excess_at_lower + margin_at_upper)
+        middle = lower + float(np.clip(secant, 0.02, 0.98)) * (upper - lower)
+        trial = motion(middle)
+        # The Illinois method halves the value of an end of the interval that stays twice.
+        if trial.passed:
+            upper, outcome, margin_at_upper = middle, trial, -(trial.excess_heat or 0.0)
+            excess_at_lower, last = excess_at_lower / (2 if last == "cool" else 1), "cool"
+        else:
+            lower, excess_at_lower = middle, trial.excess_heat or excess_at_lower
+            margin_at_upper, last = margin_at_upper / (2 if last == "hot" else 1), "hot"
+    return upper, outcome
 
 
 def _may_take_longer(phase: PlannedPhase) -> bool:
