@@ -499,7 +499,7 @@ class Plan:
         # These two results are computed while the second process works, and are kept.
         results = {"sizing": self.sizing, "stops": self.stops}
         opinions, proof = ask() or second_opinions_and_proofs(self.motion, self.problem)
-        lower_bounds = [phase.lower_bound for phase in self.phases]
+        lower_bounds = [phase.lower_bound for phase in self.phases[: len(opinions)]]
         if any(map(_is_below, opinions, lower_bounds)):  # toppra's grid was too coarse.
             opinions = second_opinions(self.motion, self.problem, lower_bounds)
         phases = map(PhaseSummary.with_opinion, self.phases, opinions)
