@@ -55,7 +55,7 @@ def test_a_switch_in_the_very_middle_of_an_element() -> None:
 @given(
     ways.filter(lambda way: way[3] > 1e-6), st.floats(0.0, 1.0), st.booleans(), st.integers(8, 60)
 )
-def test_the_halves_of_a_guess_meet_at_the_given_position_of_a_joint(
+def test_its_halves_meet_where_one_joint_passes_a_place(
     way: list[float], share: float, jerk: bool, count: int
 ) -> None:
     """The two halves of a guess meet where one joint passes a given position."""
