@@ -20,7 +20,7 @@ from ssm_planner.native import library
 CMAKE = shutil.which("cmake") or shutil.which("cmake", path=str(Path(sys.executable).parent))
 COMPILED = shutil.which("cc") is not None and os.name == "posix"
 needs_compiler = pytest.mark.skipif(not COMPILED, reason="no C compiler here")
-needs_cmake = pytest.mark.skipif(not (COMPILED and CMAKE), reason="no CMake or C compiler here")
+needs_cmake = pytest.mark.skipif(not (COMPILED and CMAKE), reason="no C compiler or no CMake here")
 
 
 @pytest.fixture
