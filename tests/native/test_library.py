@@ -40,7 +40,7 @@ def build(folder: Path) -> subprocess.CompletedProcess[str]:
     It is not optimised, to save time.
     """
     assert CMAKE is not None
-    options = ["-DSKBUILD_STATE=editable", "-DCMAKE_C_FLAGS=-O0"]
+    options = ["-DSKBUILD_STATE=editable", "-DCMAKE_BUILD_TYPE=None"]
     configure = [CMAKE, "-S", str(folder), "-B", str(folder / "build"), *options]
     done = subprocess.run(configure, capture_output=True, text=True)
     if done.returncode:
