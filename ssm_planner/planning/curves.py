@@ -194,10 +194,17 @@ class CurveFollower:
         return ProblemError(reason, file=file, line=line, allowed=allowed, **place)
 
     def _key_of_point(self, k: int, name: str) -> str:
-        """Return how an error message names a coordinate of point k.
+        """Return the key under which the problem file states a coordinate of a point.
 
-        The name is the key in the problem file, such as `through[0].depth`. For the points of a
-        table it is only the coordinate, because the message states the line of the table.
+        Error messages contain it, for example `through[0].depth`. For the points of a table, the key
+        is only the coordinate, because the message states the line of the table.
+
+        Parameters
+        ----------
+        k : int
+            Index of the point. The points between start and end come first, and then the end.
+        name : str
+            Name of the coordinate.
         """
         if self.motion.file is not None:
             return name

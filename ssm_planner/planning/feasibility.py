@@ -339,11 +339,21 @@ def check_eye_clearance(phase: Phase) -> Reason | None:
 
 
 def joints_nearest_to_eye(phase: Phase) -> Array:
-    """Return the joint positions (4,) at which the direct motion is nearest to retina or lens.
+    """Find the place on the direct motion that is nearest to the retina or the lens.
 
     On the direct motion, the joints move along straight lines between the points of the phase. The
-    positions may also lie in the retina or lens. The detour begins from them
+    tool may also touch the eye there. The search for a detour around the eye begins at this place
     (`candidates/detour.py`).
+
+    Parameters
+    ----------
+    phase : Phase
+        A free motion of a problem with an eye.
+
+    Returns
+    -------
+    (4,) array
+        Joint positions, in rad for joints 1 to 3 and in m for joint 4.
     """
     path = PolylinePath(phase.mechanism, phase.points)
     q = path.coarse_samples.q

@@ -102,10 +102,23 @@ def _tip_speed(limits: TaskLimits) -> float:
 
 
 def _joint_limits(robot: Robot, limits: TaskLimits) -> Array:
-    """Return the largest velocity, acceleration and jerk of the joints, (3, 4).
+    """Return the largest velocity, acceleration and jerk of every joint.
 
-    The velocity of joint 4 is also limited by the tip speed and by the rate of depth. Missing
-    limits are infinite.
+    Joint 4 moves the tool along its axis, so the limits of the tip speed and of the rate of depth
+    also limit its velocity.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot with its joint limits.
+    limits : TaskLimits
+        Limits of the motion of the tool.
+
+    Returns
+    -------
+    (3, 4) array
+        Rows for velocity, acceleration and jerk, in rad (joints 1 to 3) or m (joint 4) and s. A
+        missing limit is infinite.
     """
     joints = [
         (joint.velocity, joint.acceleration, joint.jerk or math.inf) for joint in robot.joints
@@ -364,9 +377,18 @@ class SCurve:
         return SCurve(self.lengths, self.start * factor, self.end * factor, self.speed * factor)
 
     def evaluate(self, t: Array) -> tuple[Array, Array, Array]:
-        """Evaluate position, velocity and acceleration at times t (n,), in s, (n,) each.
+        """Evaluate the motion at given times.
 
-        Where the acceleration jumps, the value after the jump is returned, except at the end.
+        Parameters
+        ----------
+        t : (n,) array
+            Times since the start, s.
+
+        Returns
+        -------
+        tuple of three (n,) arrays
+            Position, velocity and acceleration. Where the acceleration jumps, its value after the
+            jump is returned, except at the end of the motion.
         """
         index = self._piece_index(t)
         cubics = self._cubics

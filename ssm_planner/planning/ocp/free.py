@@ -200,8 +200,13 @@ class _FreeProblemBuilder:
     def elements_per_segment(self, count: int) -> int:
         """Return the approximate number of elements between two neighbouring points.
 
-        It is `count` for a motion between two points. A motion through more points gets 2 · `count`
-        elements in all, and at least 8 between two points.
+        An element is a time interval in which the joints follow cubic polynomials.
+
+        Parameters
+        ----------
+        count : int
+            Number of elements of a motion between two points. A motion through more points gets
+            twice as many in all, and at least 8 between two neighbouring points.
         """
         return (
             max(2 * count // len(self.displacements), 8) if len(self.displacements) > 1 else count

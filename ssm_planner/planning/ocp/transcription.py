@@ -209,12 +209,22 @@ class Transcription:
         return Multipliers.of_bounds(data, lower, upper, rows, frozenset(self.element.row_names))
 
     def _without_implied_bounds(self, data: NlpData) -> NlpData:
-        """Return the data without the bounds of u that follow from other constraints.
+        """Remove bounds of the positions u that follow from other constraints.
 
         A coordinate that keeps its direction stays between its positions at both ends of a segment
-        anyway. The structured solver does not have these bounds either. When Ipopt confirms a
-        solution of that solver, the logarithmic barrier of superfluous bounds would move the point
-        at which Ipopt stops.
+        (the part of a motion in which no joint reverses) anyway. The structured solver does not
+        have these bounds either. When Ipopt confirms a solution of that solver, the logarithmic
+        barrier of superfluous bounds would move the point at which Ipopt stops.
+
+        Parameters
+        ----------
+        data : NlpData
+            Parameters and bounds of the program.
+
+        Returns
+        -------
+        NlpData
+            A copy in which the bounds that are not needed are infinite.
         """
         positions = slice(self.structure.coordinates)
         needed = data.needs_position_bounds(self.structure) | data.is_fixed[:, positions]

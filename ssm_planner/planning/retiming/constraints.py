@@ -309,9 +309,17 @@ class PathLimits:
         c: Array | float = 0.0,
         k: Array | float = 0.0,
     ) -> Array:
-        """Return the coefficients of a function a s̈ + b ṡ² + c + k ṡ as an array (4, n).
+        """Stack the coefficients of a row a s̈ + b ṡ² + c + k ṡ at the n points of the path.
 
-        Each argument has the shape (n,), or is a number that applies to all n points.
+        Parameters
+        ----------
+        a, b, c, k : (n,) array or float
+            Coefficients at the points. A number applies to all points.
+
+        Returns
+        -------
+        (4, n) array
+            The coefficients a, b, c and k.
         """
         a, b, c, k, _ = np.broadcast_arrays(a, b, c, k, self.ceiling)
         return np.stack([a, b, c, k])

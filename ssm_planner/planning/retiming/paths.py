@@ -195,9 +195,19 @@ class ClosedPath(JointPath):
 
     @abstractmethod
     def _derivatives(self, s: Array) -> tuple[Array, ...]:
-        """Evaluate q without whole turns, and its derivatives by s, at n values of s.
+        """Evaluate the joint positions and their derivatives along the path.
 
-        The results q, q' and q'' have the shape (n, 4).
+        Whole turns of the joints are not counted.
+
+        Parameters
+        ----------
+        s : (n,) array
+            Values of the path parameter, from 0 to 1.
+
+        Returns
+        -------
+        tuple of three (n, 4) arrays
+            q, dq/ds and d²q/ds², in rad for joints 1 to 3 and in m for joint 4.
         """
 
     def sample(self, s: Array) -> PathSamples:
@@ -237,9 +247,19 @@ class StraightPath(ClosedPath):
     driven: tuple[int, ...] = (0, 1, 2, 3)
 
     def _derivatives(self, s: Array) -> tuple[Array, ...]:
-        """Evaluate q without whole turns, and its derivatives by s, at n values of s.
+        """Evaluate the joint positions and their derivatives along the path.
 
-        The results q, q' and q'' have the shape (n, 4).
+        Whole turns of the joints are not counted.
+
+        Parameters
+        ----------
+        s : (n,) array
+            Values of the path parameter, from 0 to 1.
+
+        Returns
+        -------
+        tuple of three (n, 4) arrays
+            q, dq/ds and d²q/ds², in rad for joints 1 to 3 and in m for joint 4.
         """
         function = _line_function(self.mechanism, self.branch)
         return _evaluate(function, s, [*self.start, *(self.end - self.start)])
@@ -305,9 +325,19 @@ class TipPath(ClosedPath):
         )
 
     def _derivatives(self, s: Array) -> tuple[Array, ...]:
-        """Evaluate q without whole turns, and its derivatives by s, at n values of s.
+        """Evaluate the joint positions and their derivatives along the path.
 
-        The results q, q' and q'' have the shape (n, 4).
+        Whole turns of the joints are not counted.
+
+        Parameters
+        ----------
+        s : (n,) array
+            Values of the path parameter, from 0 to 1.
+
+        Returns
+        -------
+        tuple of three (n, 4) arrays
+            q, dq/ds and d²q/ds², in rad for joints 1 to 3 and in m for joint 4.
         """
         function = _tip_curve_function(self.mechanism, self.branch)
         parameters = [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
@@ -640,7 +670,19 @@ class PolylinePath(JointPath):
         return np.linspace(0.0, 1.0, len(self.points)), np.sign(np.diff(self.points, axis=0))
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q and their derivatives q' and q'' by s at s (n,)."""
+        """Evaluate the path at given values of its parameter.
+
+        Parameters
+        ----------
+        s : (n,) array
+            Values of the path parameter, from 0 to 1. Every line between two points covers an equal
+            part of this range.
+
+        Returns
+        -------
+        PathSamples
+            Joint positions q and their derivatives dq/ds and d²q/ds². The second derivative is 0.
+        """
         s = np.asarray(s, dtype=float)
         count = len(self.points) - 1
         index = np.clip((s * count).astype(int), 0, count - 1)
