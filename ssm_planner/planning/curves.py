@@ -194,9 +194,9 @@ class CurveFollower:
         return ProblemError(reason, file=file, line=line, allowed=allowed, **place)
 
     def _key_of_point(self, k: int, name: str) -> str:
-        """Return the key under which the problem file states a coordinate of a point.
+        """Return the name of a coordinate of a point for error messages.
 
-        Error messages contain it, for example `through[0].depth`. For the points of a table, the key
+        It is the key in the problem file, such as `through[0].depth`. For the points of a table, it
         is only the coordinate, because the message states the line of the table.
 
         Parameters
