@@ -1,7 +1,7 @@
-"""Joint positions along the curves of a motion list.
+"""Compute the joint positions along the curves of a motion list.
 
-The curves are splines, tables of points, and lines and arcs of the tip. The builder of phases
-(`phases.py`) creates a `CurveFollower` for each entry of the motion list that follows a curve.
+The motion list of a problem may contain curves: splines, tables of points, and lines and arcs of
+the tip. The module `phases.py` creates a `CurveFollower` for each of these entries.
 """
 
 from collections.abc import Sequence
@@ -27,29 +27,31 @@ from ssm_planner.problem import Follow, Joints, Point, Problem, Task, Tip
 from ssm_planner.typing import Array, Mask, record
 
 CurveTerms = tuple[Array, float]
-"""The fields `terms` (4, 3) and `angle` of a `TipPath`, which describe a line or an arc."""
+"""The fields `terms` (4, 3), m, and `angle`, rad, of a `TipPath`, which describe a line or an arc.
+"""
 MIN_CENTRE_DISTANCE = 1e-5
 """Smallest distance of a line or arc from the remote centre, m.
 
-The remote centre is the point in which all axes of rotation meet. Closer to it, the direction of
+All axes of rotation meet at the remote centre. Closer to it than this distance, the direction of
 the tool would change too fast along the curve.
 """
 START_TOLERANCES = np.array([1e-4, 1e-4, 1e-4, 1e-5])
-"""Distances of the joints (rad, m) within which the first point of a table is the present position.
+"""Largest joint distances (rad, m) at which the robot counts as being at a table's first point.
 
-If the robot is farther away, a free motion to the first point precedes the table.
+If a joint is farther away, the robot first makes a free motion to the first point.
 """
 
 
 @record
 class CurveFollower:
-    """Motion of the list that follows a curve, together with the robot's position at its start.
+    """Entry of the motion list that follows a curve, and the state of the robot at its start.
 
-    All properties raise ProblemError if the mechanism cannot reach a point.
+    `joints`, `beginning`, `points` and `tip_path` raise ProblemError if the mechanism cannot reach
+    a point of the curve.
     """
 
     problem: Problem
-    """The problem with its limits."""
+    """Problem with its limits."""
     mechanism: Mechanism
     """Geometry of the robot."""
     motion: Follow
@@ -63,7 +65,9 @@ class CurveFollower:
     def joints(self) -> Array:
         """Joint positions at the start and at all n points of the curve, (n + 1, 4), rad and m.
 
-        They lie on one branch of the inverse kinematics, and no joint jumps by a whole turn.
+        They lie on one branch, that is, they all follow the same one of the two solutions of the
+        inverse kinematics, without jumps by a whole turn. Points that the problem gives as joint
+        positions are taken as they are.
         """
         # Consecutive points that are given in the same kind of coordinates are converted together.
         rows, task = self.q[None, :], self.task
@@ -78,8 +82,10 @@ class CurveFollower:
                 tasks = self._complete_tasks(points, task, len(rows) - 1)
                 branch = int(self.mechanism.branch_of(rows[-1]))
                 joints = np.stack(joints_of_task(NUMPY, self.mechanism, tasks.T, branch), axis=1)
-                # The first column of `tasks` is the previous point. Whole turns make it continuous.
+                # Row 0 of `tasks` and `joints` is the previous point. The whole turns by which it
+                # differs from its known joint positions are added to all points.
                 turns = np.round((rows[-1] - joints[0]) / (2 * np.pi))
+                # Joint 4 translates, so it has no turns.
                 joints = (joints + 2 * np.pi * turns * (1, 1, 1, 0))[1:]
                 task = tasks[-1]
             rows = np.vstack([rows, joints])
@@ -88,17 +94,18 @@ class CurveFollower:
 
     @property
     def beginning(self) -> Array:
-        """Joint positions (4,) at which the curve begins.
+        """Joint positions (4,) at which the curve begins, rad and m.
 
-        The robot may first have to move there: to the first point of a table, or to the distance
-        from the retina that the motion keeps. If the curve begins at the robot's position, the
-        result is `q`.
+        A table begins at its first point, and a motion at a given distance from the retina begins
+        at this distance. The robot may have to move there first. If it is there already, or for any
+        other curve, the result is `q` itself (the same object, for which the caller can test).
         """
         if self.motion.distance is not None:
             tip = tip_position(self.mechanism, self.q[None])
             target = self._tip_over_retina(self.task)
             if np.linalg.norm(target - tip) <= EQUALITY_TOLERANCE:
                 return self.q
+            # Joints 1 to 3 keep the direction. Joint 4 moves the tip to its depth, |target|.
             return np.append(self.q[:3], self.mechanism.insertion_sign * np.linalg.norm(target))
         if self.motion.curve != "samples" or np.all(
             np.abs(self.joints[1] - self.q) <= START_TOLERANCES
@@ -108,33 +115,36 @@ class CurveFollower:
 
     @property
     def points(self) -> Array:
-        """Joint positions (n, 4) of a spline or table, rad and m, without repeated points.
+        """Joint positions at the points of a spline or table, (n, 4), rad and m.
 
-        The first row is where the curve begins (`beginning`).
+        The first row is `beginning`. A point that equals the one before it is left out.
         """
-        # `beginning` replaces row 0, the present position, and the first point (row 1) of a table.
+        # `beginning` replaces row 0, the present position. For a table it is the first point, so it
+        # replaces row 1 too.
         first_row = 1 if self.motion.curve == "spline" else 2
         points = np.vstack([self.beginning, self.joints[first_row:]])
         differs = np.abs(np.diff(points, axis=0)).max(axis=1) > ROUNDING_TOLERANCE
         return np.asarray(points[np.append(True, differs)])
 
     def tip_path(self) -> TipPath | Array:
-        """Build the joint path along a line or an arc of the tip.
+        """Build the joint path along which the tip follows a line or an arc.
 
         The spin changes in proportion to the path parameter.
 
         Returns
         -------
         TipPath or (4,) array
-            An array is the joint position at the end: `q` itself if the target equals the start, or the
-            last point if the tip moves on a radius through the remote centre, where only joints 3
-            and 4 move.
+            The path, or the joint positions at the end (rad, m) in two cases. They are `q` if
+            neither the tip nor a joint moves. They are those of the last point if a line leads
+            along the tool axis to or through the remote centre, because then only joints 3 and 4
+            move.
 
         Raises
         ------
         ProblemError
-            If the mechanism cannot reach the curve, if it passes the remote centre, or if the three
-            points of an arc lie on one line.
+            If the mechanism cannot reach the whole curve, if any other curve passes the remote
+            centre, if the three points of an arc lie on one line, or if the tip should keep a
+            constant speed but stays at one point.
         """
         motion, q = self.motion, self.q
         joints, tips, spins = self._points_of_curve()
@@ -145,7 +155,7 @@ class CurveFollower:
             and np.ptp(spins) < ROUNDING_TOLERANCE
         ):
             return q
-        # No arc passes through three points on one line. All other motions have a curve.
+        # Only an arc can have no curve, if its three points lie on one line.
         curve = self._curve_through(tips)
         if curve is None:
             reason = "the three points of this arc lie on one line"
@@ -188,21 +198,27 @@ class CurveFollower:
         allowed : str
             What the problem may contain instead.
         **place : str
-            Key and value of the problem file, if one of them is the cause.
+            The arguments `key` and `value`: the key of the problem file that causes the error, and
+            its value. Empty if no single key is the cause.
+
+        Returns
+        -------
+        ProblemError
+            The error with the file and the line of the motion.
         """
         file, line = self.problem.file, self.motion.line
         return ProblemError(reason, file=file, line=line, allowed=allowed, **place)
 
     def _key_of_point(self, k: int, name: str) -> str:
-        """Return the name of a coordinate of a point for error messages.
+        """Return the name under which an error message mentions a coordinate of a point.
 
-        It is the key in the problem file, such as `through[0].depth`. For the points of a table, it
-        is only the coordinate, because the message states the line of the table.
+        It is the key in the problem file, such as `through[0].depth`. For a point of a table it is
+        only the coordinate, because the message states the line of the table.
 
         Parameters
         ----------
         k : int
-            Index of the point. The points between start and end come first, and then the end.
+            Index of the point. The points between start and end come first, and the end comes last.
         name : str
             Name of the coordinate.
         """
@@ -212,21 +228,22 @@ class CurveFollower:
         return f"{'to' if k == len(self.motion.through) else via_key}.{name}"
 
     def _joints_of_tips(self, tips: Sequence[Tip], previous: Array, index: int) -> Array:
-        """Compute the joint positions (n, 4) of consecutive positions of the tip.
+        """Compute the joint positions for consecutive points that are positions of the tip.
 
         Parameters
         ----------
-        tips : sequence of Tip
+        tips : sequence of n Tip
             Positions of the tip, with spins.
         previous : (4,) array
-            Joint positions before them.
+            Joint positions at the point before them, rad and m.
         index : int
-            Index of the first point, for error messages.
+            Index of the first of them among all points of the motion, for error messages.
 
         Returns
         -------
         (n, 4) array
-            Joint positions, rad and m, on one branch of the inverse kinematics.
+            Joint positions, rad and m. They stay on the branch of `previous`, that is, they follow
+            the same one of the two solutions of the inverse kinematics.
 
         Raises
         ------
@@ -249,21 +266,24 @@ class CurveFollower:
         )
 
     def _complete_tasks(self, points: Sequence[Point], task: Array, index: int = 0) -> Array:
-        """Return the task coordinates of points. A coordinate that a point omits keeps its value.
+        """Return the task coordinates of consecutive points, with values for omitted coordinates.
+
+        A coordinate that a point omits keeps the value of the previous point.
 
         Parameters
         ----------
-        points : sequence of Task
-            Points with some of the coordinates roll, tilt, spin and depth.
+        points : sequence of n Point
+            Points in task coordinates, that is, with some of roll, tilt, spin and depth. All of
+            them must be of the class `Task`.
         task : (4,) array
             Task coordinates before the first point, rad and m.
         index : int
-            Index of the first point, for error messages.
+            Index of the first point among all points of the motion, for error messages.
 
         Returns
         -------
         (n + 1, 4) array
-            `task` and the coordinates of the points.
+            `task` as row 0, and the coordinates of the points.
 
         Raises
         ------
@@ -281,42 +301,45 @@ class CurveFollower:
         return np.array(rows)
 
     def _curve_through(self, tips: Array) -> CurveTerms | None:
-        """Return the curve of the tip through points (n, 3), m.
-
-        Returns None if the points of an arc lie on one line.
+        """Describe the line or arc of the tip through given points by its terms.
 
         Parameters
         ----------
         tips : (n, 3) array
-            Points of the tip, the first of which is the start of the curve, m.
+            Points of the tip, m. The first one is the start of the curve. An arc has 3 points. A
+            line and a curve along the retina have 2.
 
         Returns
         -------
         CurveTerms or None
-            The curve as a sum of four vectors, and the angle of the arc (`TipPath`).
+            The vectors fixed, line, u and v, and the angle, of the curve fixed + s line + cos(s
+            angle) u + sin(s angle) v with s from 0 to 1 (`TipPath`). None if the three points of an
+            arc lie on one line.
         """
         if self.motion.curve == "arc":
             return _arc_through_points(tips)
         if self.motion.curve == "retina" and self.problem.eye is not None:
             start, end = tips - self.problem.eye.centre
             normal = np.cross(start, end)
+            # `or 1.0` avoids 0 / 0 if start and end are equal. The arc then has the angle 0.
             return _arc_about_axis(
                 tips, self.problem.eye.centre, normal / (np.linalg.norm(normal) or 1.0)
             )
         return np.array([tips[0], tips[1] - tips[0], 0 * tips[0], 0 * tips[0]]), 0.0
 
     def _points_of_curve(self) -> tuple[Array, Array, Array]:
-        """Return the points of a line or arc, with the start of the motion as the first.
+        """Return the points of a line or arc. The first one is the start of the motion.
 
         Returns
         -------
         joints : (n, 4) array
-            Joint positions, rad (joints 1 to 3) and m (joint 4). They are not used if the motion
-            keeps its distance from the retina. Both rows then repeat the present positions.
+            Joint positions, rad (joints 1 to 3) and m (joint 4). For a motion that keeps its
+            distance from the retina, both rows are `q`, because such a motion needs no joint
+            positions at its end.
         tips : (n, 3) array
             Positions of the tip, m.
         spins : (n,) array
-            Spins, rad.
+            Spins, rad, without jumps by a whole turn.
         """
         if self.motion.distance is not None:
             tasks = self._complete_tasks([self.motion.to], self.task)
@@ -327,23 +350,35 @@ class CurveFollower:
         return self.joints, tip_position(self.mechanism, self.joints), np.unwrap(spins)
 
     def _tip_over_retina(self, task: Array) -> Array:
-        """Return the position (1, 3) of a tip that points in the direction of a task.
-
-        Its distance from the retina is the one that the motion keeps.
+        """Return the tip position in a given direction at the motion's distance from the retina.
 
         Parameters
         ----------
         task : (4,) array
-            Task coordinates. Their depth does not count.
+            Task coordinates (rad, m), which give the direction of the tool. Their depth is not
+            used.
+
+        Returns
+        -------
+        (1, 3) array
+            Position of the tip, m.
+
+        Raises
+        ------
+        ProblemError
+            If the tip cannot have this distance in this direction.
         """
         axis = tool_axis(self.mechanism, task)
+        # A motion along the retina always has a distance. `or 0.0` tells this to the type checker.
         return tips_over_retina(self.problem, self.motion, axis, self.motion.distance or 0.0)
 
 
 def _joints_of_tips(
     mechanism: Mechanism, tips: Array, spins: ArrayLike, previous: Array
 ) -> tuple[Array, Mask]:
-    """Compute joint positions for consecutive positions of the tip beyond the remote centre.
+    """Compute joint positions for consecutive positions of the tip.
+
+    The tip lies on the far side of the remote centre, that is, at a positive depth.
 
     Parameters
     ----------
@@ -354,17 +389,19 @@ def _joints_of_tips(
     spins : float or (n,) array
         Spins, rad.
     previous : (4,) array
-        Joint positions before them. They determine the branch and the whole turns.
+        Joint positions before them, rad and m. They determine the branch, that is, which of the two
+        solutions of the inverse kinematics the result follows, and the whole turns.
 
     Returns
     -------
     joints : (n, 4) array
-        Joint positions, none of which jumps by a whole turn.
+        Joint positions, rad and m, without jumps by a whole turn. They are those of the nearest
+        pose where the mechanism cannot reach the position.
     reaches : (n,) mask
         True where the mechanism reaches the position.
     """
     solutions = inverse_tip(mechanism, tips, spins)
-    # The first column of the solutions is the branch +1, the second one −1.
+    # The solutions with depth > 0 come first: column 0 is the branch +1, and column 1 is −1.
     column = 0 if mechanism.branch_of(previous) > 0 else 1
     joints = solutions.joints[:, column]
     unwrapped = np.unwrap(np.vstack([previous, joints])[:, :3], axis=0)[1:]
@@ -377,26 +414,27 @@ def driven_joints(problem: Problem) -> tuple[int, ...]:
 
 
 def _arc_about_axis(tips: Array, centre: Array, normal: Array) -> CurveTerms:
-    """Return the arc about a given axis from the first to the last of its points.
+    """Describe the arc of a given circle from the first to the last of several points.
 
-    The arc is fixed + cos(s angle) u + sin(s angle) v for s from 0 to 1, with its centre `fixed`
-    and two perpendicular radii u and v, of which u points to its start.
+    The arc is fixed + cos(s angle) u + sin(s angle) v for s from 0 to 1. The vector fixed is its
+    centre. The vector u leads from there to the start, and v is perpendicular to u and of equal
+    length.
 
     Parameters
     ----------
     tips : (n, 3) array
-        Points on the arc, m.
+        Points on the arc, m. Only the first and the last one are used.
     centre : (3,) array
         Centre of the circle, m.
     normal : (3,) array
-        Unit vector of its axis.
+        Unit vector perpendicular to the plane of the circle, or 0 for an arc of no length.
 
     Returns
     -------
     terms : (4, 3) array
         Vectors fixed, line (0 for an arc), u and v, m.
     angle : float
-        Angle from the first to the last point, from −π to π, rad.
+        Angle from the first to the last point about `normal`, from −π to π, rad.
     """
     start, end = tips[0] - centre, tips[-1] - centre
     across = np.cross(normal, start)
@@ -406,10 +444,13 @@ def _arc_about_axis(tips: Array, centre: Array, normal: Array) -> CurveTerms:
 
 
 def _arc_through_points(tips: Array) -> CurveTerms | None:
-    """Return the terms of the circular arc through three points.
+    """Describe the circular arc through three points.
 
-    Let u and v be the vectors from the first point to the second and third one, and n = u × v. The
-    centre lies at (|u|² v × n + |v|² n × u) / (2 |n|²) from the first point.
+    Let u and v be the vectors from the first point to the second and the third one, and n = u × v.
+    The vector w from the first point to the centre lies in the plane of u and v. The centre is
+    equally far from all three points, so w · u = |u|² / 2 and w · v = |v|² / 2. The solution is
+
+        w = (|u|² v × n + |v|² n × u) / (2 |n|²).
 
     Parameters
     ----------
@@ -419,15 +460,17 @@ def _arc_through_points(tips: Array) -> CurveTerms | None:
     Returns
     -------
     CurveTerms or None
-        None if the points lie on one line.
+        The terms of `TipPath` and the angle from 0 to 2π, rad. None if the points lie on one line.
     """
     u, v = tips[1] - tips[0], tips[2] - tips[0]
     normal = np.cross(u, v)
     normal_squared = float(normal @ normal)
+    # |n| = |u| |v| sin(angle between u and v), so the test bounds this sine.
     if normal_squared <= (EQUALITY_TOLERANCE * np.linalg.norm(u) * np.linalg.norm(v)) ** 2:
         return None
     centre = tips[0] + ((u @ u) * np.cross(v, normal) + (v @ v) * np.cross(normal, u)) / (
         2 * normal_squared
     )
     terms, angle = _arc_about_axis(tips, centre, normal / np.sqrt(normal_squared))
+    # The arc turns about n in the positive sense, also by more than π, where atan2 is negative.
     return terms, angle % (2 * np.pi)

@@ -14,7 +14,7 @@ from ssm_planner.typing import record
 
 @record
 class PlannedPhase:
-    """A phase (entry of the motion list) with its motion and a lower bound of its duration."""
+    """A phase (entry of the motion list) with its motion and a lower bound on its duration."""
 
     phase: Phase
     """The phase with its problem and its points."""
@@ -32,12 +32,17 @@ class PlannedPhase:
 def planned_rest(phase: Phase) -> PlannedPhase:
     """Return the motion of a phase in which the robot rests.
 
-    It takes the requested duration of the phase, or no time without one.
+    It takes the requested duration of the phase. Without one, it takes no time and has no piece.
 
     Parameters
     ----------
     phase : Phase
         A dwell, or a motion whose target is the present position.
+
+    Returns
+    -------
+    PlannedPhase
+        The phase with its motion. The lower bound is the duration itself.
     """
     duration = phase.motion.duration or 0.0
     motion = (np.array([0.0, duration]), rest_coefficients(phase.q_start)) if duration else ()

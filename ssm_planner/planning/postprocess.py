@@ -1,7 +1,8 @@
 """Motions whose timing TOPP-RA alone computes.
 
-`plan_by_toppra` times a given path without optimal control. `limit_stop_travel` slows a free motion
-down until the tip can stop within the allowed distance from every instant.
+TOPP-RA finds the fastest timing of a given path. `plan_by_toppra` times a path without optimal
+control. `limit_stop_travel` slows a free motion down until the tip can stop within the allowed
+distance from every instant.
 """
 
 from dataclasses import replace
@@ -21,21 +22,22 @@ from ssm_planner.planning.retiming.retime import FAILURE, retime, retime_motion,
 from ssm_planner.problem import Robot
 
 TOPPRA_SOLVER = "TOPP-RA"
-"""Name of the solver of a motion whose timing is TOPP-RA's."""
+"""Name of the solver in the results, for a motion that TOPP-RA timed."""
 GRID_MARGIN = 2e-5
 """Relative margin that TOPP-RA's motion keeps from the limits.
 
-TOPP-RA enforces the limits only at its grid points. The margin covers the time between them.
+TOPP-RA enforces the limits only at its grid points. The margin covers the excess between them.
 """
 
 
 def plan_by_toppra(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase | Reason:
-    """Return a motion along a path that TOPP-RA alone has timed.
+    """Return the fastest motion along a path, timed by TOPP-RA without optimal control.
 
     Parameters
     ----------
     phase : Phase
-        The phase with the velocities at both ends.
+        The phase (entry of the motion list with its joint positions), with the velocities at both
+        ends.
     strict : Robot
         The robot with the limits that the motion must keep.
     path : JointPath
@@ -59,9 +61,9 @@ def plan_by_toppra(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase
 def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> PhaseSolution:
     """Return a free motion from which the tip can always stop within the allowed distance.
 
-    If the tip would travel too far, TOPP-RA times the same path again with a bound on the braking
-    distance (`retiming.constraints.braking_travel`). The optimal control problem itself does not
-    contain this limit.
+    If the tip would travel too far while it stops, TOPP-RA times the same path again with a bound
+    on this distance (`retiming.constraints.braking_travel`). The optimal control problem itself
+    does not contain this limit.
 
     Parameters
     ----------
@@ -70,7 +72,7 @@ def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> Pha
     strict : Robot
         The robot with the limits that the motion must keep.
     motion : PhaseSolution
-        Its motion, or the status of a failure, which is returned unchanged.
+        The motion of the phase. The status of a failure is returned unchanged.
 
     Returns
     -------
@@ -88,8 +90,9 @@ def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> Pha
     travel = braking_travel(mechanism, phase.problem.robot, samples.q, samples.qd)
     if travel.max() <= limit.largest:
         return motion
-    # At rest, both ends stay at rest for every ṡ. The motion's own ṡ would leave no margin
-    # to the limits.
+    # The path is the motion itself over s = t / duration, so a start at rest stays at rest for
+    # every ṡ. The ṡ of the motion would leave no margin to the limits, so it is reduced. A start at
+    # speed must keep its ṡ.
     speed_ratio = 1.0 if phase.qd_start.any() else 1 - 2 * GRID_MARGIN
     robot = with_margin(strict, GRID_MARGIN)
     retiming = retime_motion(path, robot, phase.problem.task_limits, speed_ratio=speed_ratio)
@@ -98,7 +101,9 @@ def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> Pha
     trajectory = retimed_trajectory(path, retiming)
     duration = phase.motion.duration
     if duration is not None:
+        # A motion that is shorter than requested is stretched. The caller rejects a longer one.
         trajectory = trajectory.slower(min(trajectory.duration / duration, 1.0))
+    # The borders (knots of the path) are passed at new instants.
     instants = np.interp(path.knots, retiming.s, retiming.times)
     return replace(
         motion,

@@ -1,8 +1,8 @@
 """Reasons why there is no motion for a problem.
 
 A reason is a value, not an exception. It names the limit, the joint and the place, with the value
-that the motion requires and the value that is available. `pipeline/relaxation.py` derives from it
-which limit to change. The functions of this module build reasons.
+that the motion requires and the value that is available. `pipeline/relaxation.py` uses it to decide
+which limit to change. The functions of this module create reasons.
 """
 
 from typing import Any
@@ -24,12 +24,12 @@ class Reason:
     """
 
     limit: Limit | None = None
-    """The limit. None if the solver found no motion and no single limit is the cause."""
+    """The limit. None if the solver found no motion, and no single limit is the cause."""
     where: str | None = None
-    """Place on the motion. None if the reason concerns the whole motion."""
+    """Place on the motion in words. None if the reason concerns the whole motion."""
     required: float | None = None
     available: float | None = None
-    """Required and available value of the limited quantity, in SI units."""
+    """Required and available value of the limited quantity, in SI units. None without a limit."""
     message: str = ""
     """The reason as a sentence."""
     relaxation: str | None = None
@@ -67,13 +67,14 @@ def check_limit(
     Parameters
     ----------
     limit : Limit
-        The limit with a lower and an upper bound.
+        The limit with a lower and an upper bound, one of which may be infinite.
     value : float
         Value of the limited quantity, in SI units.
     where : str or None
-        Place on the motion.
+        Place on the motion in words, which is added to the message. None: the whole motion.
     template : str
-        Message with the fields {value} and {bound}, which get the unit of the limit.
+        Message with the fields {value} and {bound}, which are replaced by the value and the bound
+        with their unit.
     tolerance : float
         Excess that is allowed, in SI units.
 
@@ -90,7 +91,8 @@ def check_limit(
     )
     if where is not None:
         text += f" ({where})"
-    # A clearance that is too small is the available value, not the required one.
+    # A limit with only a lower bound is a clearance. The motion offers the value, and the limit
+    # requires the bound.
     required, available = (bound, value) if limit.is_floor else (value, bound)
     return Reason(limit, where, required, available, text)
 
@@ -125,7 +127,8 @@ def constant_speed_reason(name: str, requested: float, feasible: float) -> Reaso
     name : str
         Name of the motion.
     requested, feasible : float
-        Requested speed and largest feasible speed, m/s. 0 if no lower speed is feasible either.
+        Requested speed, and largest speed that the tip can keep, m/s. The latter is 0 if no lower
+        speed is feasible either.
 
     Returns
     -------
@@ -150,9 +153,9 @@ def duration_sum_reason(requested: float, total: float) -> Reason:
     Parameters
     ----------
     requested : float
-        Requested total duration, s.
+        Total duration that the problem requests, s.
     total : float
-        Sum of the requested durations of all motions, s.
+        Sum of the durations that it requests for its motions, s.
 
     Returns
     -------

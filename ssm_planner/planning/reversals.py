@@ -1,16 +1,19 @@
 """Search for reversals of joints that make a free motion faster (direction refinement).
 
-A free motion is divided at *borders*: positions at which joints may reverse. Between two borders,
-the optimal control problem fixes the direction of every joint, so that friction enters exactly. At
-the optimum, the Lagrange multipliers of the constraints "q̇ keeps its direction" show in which
-elements of the mesh (time intervals) a joint should move the other way. For joints at rest, the
-reduced costs show the same. `DirectionMultipliers` contains both. A joint that moves out and back,
-or that takes a run-up, can relieve a limit that binds.
+On a free motion, the solver chooses the path between the given points. The motion is divided at
+*borders*: positions at which joints may reverse. Between two borders, the optimal control problem
+fixes the direction of every joint, so that friction enters exactly.
 
-`refine_directions` repeats one round: it reverses the directions where the multipliers are large,
+At the optimum, Lagrange multipliers show where the other direction would save time. They belong to
+the constraint that a joint keeps its direction, in each element (time interval) of the mesh. For
+joints at rest, reduced costs show the same. `DirectionMultipliers` contains both. A joint can save
+time in this way if it moves out and back, or takes a run-up, and thereby relieves a limit that
+slows the motion down.
+
+`refine_directions` repeats one round. It reverses the directions where the multipliers are large,
 inserts a border at every change of direction, and solves the motion again. The solver then chooses
 the positions of these borders. The rounds end when no sum of multipliers exceeds
-`MULTIPLIER_TOLERANCE`, when a round saves less than `GAP`, or when a solve fails.
+`MULTIPLIER_TOLERANCE`, when a round saves less than the share `GAP`, or when a solve fails.
 """
 
 from collections.abc import Callable
@@ -28,15 +31,19 @@ MULTIPLIER_TOLERANCE = 1e-3
 """Sum of the multipliers of one joint above which its direction is reversed, as a share of the
 duration.
 
-The sum is taken over a run, that is, over consecutive elements in which the multipliers have the
-same sign. To first order, it is the share of the duration that the reversal would save. Smaller
-sums rarely lead to a motion that is shorter by `GAP`.
+The sum is taken over a run, that is, over consecutive elements (time intervals) in which the
+multipliers have the same sign. To first order, it is the share of the duration that the reversal
+saves. The true saving is smaller, so the value is 10 times `GAP`, the smallest saving that counts.
+Twice the value makes a motion of the benchmark 0.016 % longer (`results/constants.md`).
 """
 REVERSAL_SHARE = 0.2
 """Share of the largest sum of a run. Other runs above it are reversed in the same round.
 
-Smaller sums may vanish after the larger ones have been acted upon, and every border makes the
-program larger.
+A run is a series of consecutive elements in which the multipliers of a joint have the same sign.
+Smaller sums may vanish once the directions of the larger ones are reversed, and every border makes
+the program larger. The value is a compromise between the number of rounds and the size of the
+program. Half of it changes the work, but no duration, of the first problem of the benchmark that
+reacts (`results/constants.md`).
 """
 NEGLIGIBLE_SHARE = 1e-3
 """Share of the largest sum of multipliers below which a single multiplier counts as 0.
@@ -48,7 +55,7 @@ An interior-point solver leaves small multipliers on constraints that do not bin
 def refine_directions(
     phase: Phase, motion: PhaseSolution, solve: Callable[[Borders, float], PhaseSolution | None]
 ) -> PhaseSolution | None:
-    """Search for a faster motion with additional reversals of joints.
+    """Search for a faster free motion by reversing joints where the multipliers suggest it.
 
     Parameters
     ----------
@@ -57,8 +64,9 @@ def refine_directions(
     motion : PhaseSolution
         Its fastest motion without additional reversals, with the multipliers of the directions.
     solve : callable
-        Returns the fastest motion with given borders, or None if the solver fails. Its second
-        argument is a duration in s from which on a motion is of no use.
+        Called with borders and a duration in s. Returns the fastest motion with these borders, or
+        None if the solver fails. Only a motion shorter than the given duration is of use. The
+        solver may return a longer one unfinished, and the search then discards it.
 
     Returns
     -------
@@ -76,7 +84,7 @@ def refine_directions(
 
 
 def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
-    """Suggest reversals from the multipliers of a free motion.
+    """Suggest reversals of joints from the multipliers of a free motion.
 
     Parameters
     ----------
@@ -88,8 +96,9 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     Returns
     -------
     Borders or None
-        Points and reversals between which no joint reverses, with the motion as guess. None if no
-        sum of multipliers is large enough.
+        Points and reversals between which no joint reverses, with the motion as the guess of the
+        next solve. None if the motion has no multipliers, if no sum of multipliers is large enough,
+        or if the new directions of the joints equal the old ones.
     """
     multipliers = motion.direction_multipliers
     if multipliers is None or multipliers.largest_joint_sum <= MULTIPLIER_TOLERANCE:
@@ -103,9 +112,10 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
 def borders_at_reversals(
     phase: Phase, motion: PhaseSolution, directions: Array | None = None
 ) -> Borders:
-    """Return the points and reversals of a free motion as borders, with the motion as guess.
+    """Convert the points and reversals of a free motion to borders for another solve.
 
-    The next solve then has a mesh whose elements end at the reversals.
+    Between two consecutive borders, no joint reverses. The motion itself is the guess of the solve,
+    in which elements (time intervals) of the mesh end at the borders.
 
     Parameters
     ----------
@@ -114,13 +124,14 @@ def borders_at_reversals(
     motion : PhaseSolution
         Its motion with the multipliers of the directions.
     directions : (n, 4) array or None
-        New directions of the joints in the elements: +1, −1 or 0. None: those of the motion.
+        New directions of the joints in the n elements of `motion`: +1, −1 or 0. None: those of the
+        motion.
 
     Returns
     -------
     Borders
-        The points of the phase, and the positions at which a direction changes. The solver chooses
-        the latter.
+        The points of the phase, and the positions at which a direction changes. Only the latter may
+        be moved by the solver.
     """
     multipliers, guess = motion.direction_multipliers, motion.trajectory
     assert multipliers is not None
@@ -129,8 +140,9 @@ def borders_at_reversals(
     instants = _reversal_instants(multipliers, directions)
     is_point = np.isclose(instants[:, None], multipliers.points).any(axis=1)
     middles = (instants[1:] + instants[:-1]) / 2
-    # Index of the element that contains the middle between two borders.
+    # A middle between instants i and i + 1 lies in element i. searchsorted returns i + 1.
     elements = np.searchsorted(multipliers.instants, middles) - 1
+    # At the given points, exact positions replace those of the motion, which have rounding errors.
     points = guess.sample(instants).q
     points[is_point] = phase.points
     free = tuple(np.flatnonzero(~is_point).tolist())
@@ -140,14 +152,15 @@ def borders_at_reversals(
 def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
     """Reverse the directions of joints where the multipliers show a saving.
 
-    A run (consecutive elements in which a joint has multipliers of one sign) is reversed if the sum
-    of its multipliers is at least `MULTIPLIER_TOLERANCE`, and at least the share `REVERSAL_SHARE`
-    of the largest sum.
+    The sign of a multiplier is the direction in which the joint should move. A run is a series of
+    consecutive elements (time intervals) in which a joint has multipliers of one sign. The joint
+    takes this direction during the run if the sum of the |multipliers| is at least
+    `MULTIPLIER_TOLERANCE`, and at least the share `REVERSAL_SHARE` of the largest sum of all runs.
 
     Parameters
     ----------
     multipliers : DirectionMultipliers
-        Directions and multipliers of the n elements (time intervals).
+        Directions and multipliers of the n elements.
 
     Returns
     -------
@@ -167,7 +180,8 @@ def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
     for joint, start, stop, saving in runs:
         if saving >= threshold:
             directions[start:stop, joint] = signs[start, joint]
-    # A joint that rested has a direction in every element, if it moves at all.
+    # The optimal control problem gives a moving joint a direction in every element. A joint that
+    # rested so far takes it from its multipliers, also where their sum is below the threshold.
     for joint in range(4):
         if not multipliers.directions[:, joint].any() and directions[:, joint].any():
             directions[:, joint] = _fill_zeros(signs[:, joint])
@@ -175,20 +189,31 @@ def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
 
 
 def _runs_of_equal_sign(signs: Array) -> list[tuple[int, int]]:
-    """Return the bounds of each run of equal nonzero signs (n,), as indices of a slice."""
+    """Find the runs of equal nonzero signs.
+
+    Parameters
+    ----------
+    signs : (n,) array
+        Signs +1, −1 or 0.
+
+    Returns
+    -------
+    list of (int, int)
+        First index of each run, and the index after its last one.
+    """
     borders = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
     return [(start, end) for start, end in pairwise(borders) if signs[start]]
 
 
 def _fill_zeros(directions: Array) -> Array:
-    """Replace zeros in the directions of a joint by its next nonzero direction.
+    """Replace each zero in the directions of a joint by the next nonzero direction.
 
     Zeros at the end take the last nonzero direction.
 
     Parameters
     ----------
     directions : (n,) array
-        Directions +1, −1 or 0 of the joint in the elements (time intervals) of a motion.
+        Directions +1, −1 or 0 of the joint in the n elements (time intervals) of a motion.
 
     Returns
     -------
@@ -205,27 +230,29 @@ def _fill_zeros(directions: Array) -> Array:
 def _reversal_instants(multipliers: DirectionMultipliers, directions: Array) -> Array:
     """Return the instants between which no joint changes its direction.
 
-    They include the instants at which the motion passes its points. A change of direction is left
-    out if it is closer to another of these instants than the share `MIN_SEGMENT_SHARE` of the
-    duration, because the solver needs segments of some length.
+    They include the instants at which the motion passes its given points. A change of direction is
+    left out if it is closer to another of these instants than the share `MIN_SEGMENT_SHARE` of the
+    duration, because the solver needs some time between two borders.
 
     Parameters
     ----------
     multipliers : DirectionMultipliers
-        Instants of the n elements and of the points of the motion.
+        Instants of the n elements (time intervals) and of the points of the motion.
     directions : (n, 4) array
         Directions of the joints in the elements: +1, −1 or 0.
 
     Returns
     -------
     (k + 1,) array
-        Increasing instants, s. The first and the last one are the ends of the motion.
+        Increasing instants, s. They bound k intervals. The first and the last instant are the ends
+        of the motion.
     """
     instants, points = multipliers.instants, multipliers.points
     gap = MIN_SEGMENT_SHARE * instants[-1]
     changes = instants[1:-1][np.any(directions[1:] != directions[:-1], axis=1)]
     borders = points.tolist()
     for instant in changes:
+        # `borders` also contains the changes that were kept before.
         if np.abs(np.array(borders) - instant).min() > gap:
             borders.append(float(instant))
     return np.array(sorted(borders))

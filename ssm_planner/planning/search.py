@@ -2,8 +2,8 @@
 
 A candidate is one way to move. The same search serves one phase, that is, one entry of the motion
 list (`candidates/listed.py`), and a whole problem with other joints at a target
-(`candidates/other_joints.py`). It is a best-first branch and bound: the lower bound of a candidate,
-and later its estimate (an approximate motion), decide whether the candidate is solved at all.
+(`candidates/other_joints.py`). It is a best-first branch and bound. A candidate is solved only if
+its lower bound, and then its estimate (an approximate motion), are shorter than the best motion.
 """
 
 from collections.abc import Sequence
@@ -27,13 +27,13 @@ def find_fastest(
     gap: float = GAP,
     budget: float = np.inf,
 ) -> tuple[R | Reason, list[Evaluation[P, R]]]:
-    """Return the fastest motion among the candidates.
+    """Return the fastest motion among all candidates, that is, all ways to move.
 
-    The search repeats one step. It takes the candidate with the smallest known duration, and
-    advances it: from its lower bound to its estimate, or from its estimate to its solution. After
-    each step, all kinds may suggest further candidates. The search ends when no candidate can be
-    shorter than the best motion by a share of `gap`. Among candidates of equal duration, the one
-    that was suggested first comes first.
+    The search repeats one step. It takes the candidate with the smallest known duration and
+    advances it: from its lower bound to its estimate (an approximate motion), or from its estimate
+    to its solution. After each step, every kind of candidate may suggest more of them. The search
+    ends when no remaining candidate can be shorter than the best motion by the share `gap`. Of
+    candidates with equal durations, the one that was suggested first is advanced first.
 
     Parameters
     ----------
@@ -42,30 +42,32 @@ def find_fastest(
     planner : P
         The task and its solvers.
     work : Work
-        Counter of the work that the planner spends. The search reads it.
+        Counter of the work that the planner spends. The search only reads it.
     cutoff : float
-        Duration in s. Motions that take as long or longer are of no use.
+        Duration in s. Only motions that are shorter are of use.
     gap : float
-        Share by which a motion must be shorter than the best one. With 1, the first motion ends
-        the search.
+        Share by which a motion must be shorter than the best one. With 1, the first motion ends the
+        search.
     budget : float
-        Work after which the search solves no further candidate, if it has a motion or a cutoff.
+        Work after which the search solves no further candidate, if it has a motion or a finite
+        cutoff.
 
     Returns
     -------
     result : R or Reason
-        The fastest motion. If there is none, the first reason that names a limit, or else the
-        first reason.
+        The fastest motion. Without one, the first reason that names a limit, or else the first
+        reason.
     evaluations : list of Evaluation
         All candidates with their bounds, estimates and results, in the order of suggestion.
     """
     evaluations: list[Evaluation[P, R]] = []
     queue: list[tuple[float, int, Evaluation[P, R]]] = []
-    # The number of suggestion keeps the heap from comparing two evaluations.
+    # The running number `order` breaks ties, because the heap cannot compare two evaluations.
     order, solution, begin = count(), None, work.spent
 
     def suggest(evaluation: Evaluation[P, R] | None) -> None:
-        """Put the candidates that all kinds suggest after an evaluation into the queue."""
+        """Add the candidates that are suggested after an evaluation to `evaluations` and `queue`.
+        """
         for kind in kinds:
             for candidate in kind.suggested(planner, evaluation):
                 evaluations.append(Evaluation(candidate, candidate.bound))
@@ -75,6 +77,7 @@ def find_fastest(
     while queue:
         duration, _, evaluation = heappop(queue)
         limit = cutoff if solution is None else min(cutoff, (1 - gap) * solution.duration)
+        # The heap may contain candidates that a later solution has excluded.
         if duration >= limit:
             continue
         if limit < np.inf and work.spent - begin > budget:
@@ -90,4 +93,5 @@ def find_fastest(
         suggest(evaluation)
     reasons = [evaluation.failed for evaluation in evaluations if evaluation.failed is not None]
     reasons.append(Reason(message="no motion is short enough"))
+    # max returns the first of equal values: the first reason with a limit, if there is one.
     return solution or max(reasons, key=lambda reason: reason.limit is not None), evaluations

@@ -14,12 +14,12 @@ Points of a problem that are less than this distance (rad, m) apart count as equ
 GAP = 1e-4
 """Relative difference of durations below which planning does not look for a faster motion.
 
-It decides between candidates: a candidate must promise to be shorter than the best motion by this
-share, or the search does not solve it. Iterations also end when they change a duration, a speed, an
-amount of heat or the weight of heat by a smaller share. No user notices 0.01 % of a duration.
+The search solves a candidate (one way to move) only if it may be shorter than the best motion by
+this share. Iterations also end when they change a duration, a speed, an amount of heat or the
+weight of heat by a smaller share. No user notices 0.01 % of a duration.
 """
 PATH_SAMPLES = 401
 """Number of samples of a path in a search for its extremes and reversals.
 
-An odd number includes the middle of the path.
+An odd number of evenly spaced samples includes the middle of the path.
 """

@@ -1,7 +1,7 @@
 """Counter of the computational work that planning has spent.
 
-A search ends after a given amount of work. A limit on time would let the speed and the load of the
-machine decide which motion is found. Work counts iterations of the solvers instead, so the same
+A search ends after a given amount of work. With a limit on time instead, the speed and the load of
+the machine would decide which motion is found. Work counts iterations of the solvers, so the same
 problem always gives the same motion.
 """
 
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 SEARCH_BUDGET = 4.0
 """Work after which a search for faster motions or for relaxations begins no further attempt.
 
-It corresponds to about 4 s of CPU time. A user of the command line waits that long for a better
-answer once there is a first one.
+It corresponds to about 4 s of CPU time. Users of the command line wait for about this time after
+the first motion is found.
 """
 SOLVE_WORK = 0.02
 """Work of one solve without its iterations. A work of 1 takes about one second."""
@@ -23,17 +23,17 @@ ITERATION_WORK = {
 }
 """Work of one iteration, divided by the number of elements (time intervals) of the mesh.
 
-The keys are the solver, and True if the objective contains heat or effort. A work of 1 takes about
-one second.
+The keys are pairs of the name of the solver and a flag, which is True if the objective contains
+heat or effort. The values were chosen so that a work of 1 takes about one second.
 """
 
 
 @dataclass(eq=False)
 class Work:
-    """Counter of computational work, which is comparable to seconds of CPU time."""
+    """Counter of computational work. A work of 1 takes about one second of CPU time."""
 
     spent: float = 0.0
-    """Work so far. A work of 1 takes about one second."""
+    """Work so far."""
 
     def add_iterations(self, solver: str, iterations: int, elements: int, *, costs: bool) -> None:
         """Add the work of a solver's iterations, which is proportional to the number of elements.
@@ -45,7 +45,7 @@ class Work:
         iterations : int
             Number of iterations.
         elements : int
-            Number of elements of the mesh.
+            Number of elements (time intervals) of the mesh.
         costs : bool
             True if the objective contains heat or effort.
         """
