@@ -69,8 +69,8 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
 
     A corner is a copy of the robot whose drives bound the motor torques of the range, with the
     largest payload or with an empty tip. `Robot.corners` contains the copies that need the most
-    torque, and `Robot.lightest` those that need the least. Without a range, the robot is returned
-    unchanged.
+    torque to drive, and `Robot.lightest` those that need the least, which are the worst case for a
+    motor that brakes. Without a range, the robot is returned unchanged.
 
     Parameters
     ----------

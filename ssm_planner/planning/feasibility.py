@@ -1,7 +1,7 @@
 """Tests of a problem by geometry and kinematics, before any solver runs.
 
 They cover ranges of joints and task coordinates, the eye, velocities, and distances to stop.
-`feasible_phases` is the main entry. `check_places` tests all places on given paths, and the points
+`feasible_phases` is the main entry. `check_places` tests all samples of given paths, and the points
 of free motions, whose paths are not known yet. `with_end_velocities` tests the velocities at both
 ends of the whole motion. A failed test returns a `Reason`.
 """
@@ -49,14 +49,15 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array, record
 
 RATE_KEYS = ("start_rate", "end_rate")
-"""Keys in the problem file for the velocities at the start and at the end."""
+"""Keys in the problem file for the rates of task coordinates at the start and at the end."""
 
 
 @record
 class _PhaseSamples:
     """Joint positions along a phase at which limits are tested.
 
-    If the phase has no given path, they are its points, and s counts the points evenly.
+    A phase is an entry of the motion list with its joint positions. If the phase has no given path,
+    the samples are its points, and s is spaced evenly from point to point.
     """
 
     phase: Phase
@@ -74,7 +75,7 @@ class _PhaseSamples:
         return cls(phase, phase.path.coarse_samples.s, phase.path.coarse_samples.q)
 
     def location(self, k: int) -> str:
-        """Describe the place of sample k on the motion in words, for messages."""
+        """Describe in words where sample k lies on the motion, for messages."""
         name, s = self.phase.motion.name, float(self.s[k])
         if s in (0.0, 1.0):
             return f"{name}, at its {'end' if s else 'start'}"
@@ -83,10 +84,15 @@ class _PhaseSamples:
         return f"{name}, {100 * s:.0f} % of the way"
 
     def refined(self, k: int) -> "_PhaseSamples":
-        """Sample the path again between the neighbours of sample k, with the same number of samples.
+        """Return as many samples again, from the sample before sample k to the one after it.
 
         If the phase has no given path, it cannot be sampled between its points. The samples are
         then returned unchanged.
+
+        Parameters
+        ----------
+        k : int
+            Index of a sample.
         """
         if self.phase.path is None:
             return self
@@ -103,14 +109,14 @@ def _largest_excess(limit: Limit, values: Array) -> tuple[int, float]:
     limit : Limit
         The limit with a lower and an upper bound.
     values : (n,) array
-        Values of the limited quantity, in SI units.
+        Values of the limited quantity at the samples, in SI units.
 
     Returns
     -------
     index : int
         Index of the sample.
     value : float
-        Its value.
+        Value at this sample.
     """
     k = int(np.argmax(np.maximum(limit.low - values, values - limit.high)))
     return k, float(values[k])
@@ -128,11 +134,11 @@ def _check_samples(
     Parameters
     ----------
     places : _PhaseSamples
-        Places along a phase.
+        Samples along a phase.
     limit : Limit
         The limit.
     values : (n,) array
-        Values of the limited quantity at the places, in SI units.
+        Values of the limited quantity at the samples, in SI units.
     template : str
         Message with the fields {value} and {bound}.
     tolerance : float
@@ -148,8 +154,8 @@ def feasible_phases(
     """Return the phases of a problem for the first start configuration that geometry allows.
 
     If the problem gives its start in task coordinates, several joint positions (start
-    configurations) reach it. They are tried in the order of `start_configurations` until one is
-    found with which all phases stay in the ranges and away from the eye. The phases that are
+    configurations) reach it. They are tried in the order of `start_configurations`. The first one
+    is taken with which all phases stay in the ranges and away from the eye. The phases that are
     returned contain the velocities at both ends of the motion.
 
     Parameters
@@ -160,7 +166,8 @@ def feasible_phases(
     Returns
     -------
     phases : tuple of Phase
-        The phases. Empty if no start configuration is possible.
+        The phases (entries of the motion list with their joint positions). Empty if no start
+        configuration is possible.
     reason : Reason or None
         Why the first start configuration is impossible, or why the robot cannot have the velocities
         at the ends. None if all tests pass.
@@ -201,8 +208,8 @@ def check_places(phases: Sequence[Phase]) -> Reason | None:
     Parameters
     ----------
     phases : sequence of Phase
-        Phases with a given path, of which all samples are tested, or free phases, of which the
-        points are tested.
+        Phases (entries of the motion list with their joint positions). All samples of a given path
+        are tested. Of a free phase, whose path is not known yet, the points are tested.
 
     Returns
     -------
@@ -212,7 +219,7 @@ def check_places(phases: Sequence[Phase]) -> Reason | None:
     """
 
     def reasons(phase: Phase) -> Iterator[Reason | None]:
-        """Yield the reasons of all tests of a phase."""
+        """Yield the result of every test of a phase: a reason, or None if it passes."""
         yield from _check_ranges(phase)
         yield from _check_tilt_extremes(phase)
         yield check_eye_clearance(phase)
@@ -234,7 +241,7 @@ def _check_ranges(phase: Phase) -> Iterator[Reason | None]:
     Parameters
     ----------
     phase : Phase
-        The phase. Without a given path, only its points are tested.
+        The phase (entry of the motion list). Without a given path, only its points are tested.
 
     Yields
     ------
@@ -248,6 +255,7 @@ def _check_ranges(phase: Phase) -> Iterator[Reason | None]:
         yield _check_samples(places, joint.limit(JointPosition), values, template)
     wrapped = task_from_joints(phase.mechanism, places.q)
     task = np.stack(task_of_joints(NUMPY, phase.mechanism, places.q.T), axis=1)
+    # Whole turns of roll and spin move the first sample to the start of the phase.
     continuous = task + 2 * np.pi * np.round((phase.start - task[0]) / (2 * np.pi)) * (1, 0, 1, 0)
     for limit in phase.problem.limits:
         if isinstance(limit, TaskRange):
@@ -263,19 +271,22 @@ def _check_ranges(phase: Phase) -> Iterator[Reason | None]:
 def _check_tilt_extremes(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason if a free motion must pass an extreme of tilt that is outside its range.
 
-    Tilt depends on the position θ2 of joint 2 alone. It has its extremes where the branches of the
-    inverse kinematics meet, at θ2 = δ + k π with the constant δ of the mechanism and any integer k.
-    Every free motion between points on both sides of such an extreme passes it.
+    Tilt depends on the position θ2 of joint 2 alone. It has its extremes where the two solutions of
+    the inverse kinematics (the branches) are equal, at θ2 = δ + k π with the constant δ of the
+    mechanism and any integer k. Every free motion between points on both sides of such an extreme
+    passes it.
 
     Parameters
     ----------
     phase : Phase
-        The phase. A phase with a given path is not tested here.
+        The phase. A phase with a given path is not tested here, because `check_places` tests all
+        samples of its path.
 
     Yields
     ------
     Reason or None
-        One result for each pair of consecutive points between which tilt has an extreme.
+        One result for each pair of consecutive points between which tilt has an extreme. None if
+        the extreme is within the range.
     """
     mechanism, problem = phase.mechanism, phase.problem
     limit = problem.limit(TaskRange.name_of("tilt"), None)
@@ -292,6 +303,7 @@ def _check_tilt_extremes(phase: Phase) -> Iterator[Reason | None]:
         # All extremes δ + k π between the positions of joint 2 at both points.
         first = np.ceil((low - mechanism.delta) / np.pi)
         extremes = mechanism.delta + np.pi * np.arange(first, (high - mechanism.delta) / np.pi)
+        # Tilt depends on joint 2 alone, so the other joints may have any position.
         joints = np.tile(start, (len(extremes), 1))
         joints[:, 1] = extremes
         if len(extremes):
@@ -302,13 +314,14 @@ def _check_tilt_extremes(phase: Phase) -> Iterator[Reason | None]:
 def check_eye_clearance(phase: Phase) -> Reason | None:
     """Return the reason if the tip comes too close to the retina, or the shaft to the lens.
 
-    A given path is sampled again about its worst sample, because the distance has a sharp minimum
-    at the edge of the port.
+    The distances are evaluated at samples of the given path, and then at samples near the worst
+    one. This is necessary because the distance has a sharp minimum at the edge of the port, the
+    hole of the retina through which the tool enters.
 
     Parameters
     ----------
     phase : Phase
-        The phase. Without a given path, only its points are tested.
+        The phase (entry of the motion list). Without a given path, only its points are tested.
 
     Returns
     -------
@@ -342,7 +355,7 @@ def joints_nearest_to_eye(phase: Phase) -> Array:
     """Find the place on the direct motion that is nearest to the retina or the lens.
 
     On the direct motion, the joints move along straight lines between the points of the phase. The
-    tool may also touch the eye there. The search for a detour around the eye begins at this place
+    tool may touch the eye there. The search for a detour around the eye begins at this place
     (`candidates/detour.py`).
 
     Parameters
@@ -359,6 +372,7 @@ def joints_nearest_to_eye(phase: Phase) -> Array:
     q = path.coarse_samples.q
     assert phase.problem.eye is not None
     limits = eye_limits(NUMPY, phase.problem.eye, tip_position(phase.mechanism, q).T).values()
+    # Divided by their smallest permitted values, the distances become comparable.
     ratios = [values / smallest for values, smallest in limits if smallest > 0]
     return np.asarray(q[int(np.argmin(np.min(ratios, axis=0)))])
 
@@ -377,11 +391,12 @@ def replace_by_task_line(phase: Phase) -> Phase | None:
     Returns
     -------
     Phase or None
-        None if the phase has via points (points between start and end) or begins or ends at speed,
-        if the line is the same in joint coordinates or does not end at the target joints, or if a
-        limit forbids a place on it.
+        The phase with the line. None in each of these cases: the phase has via points (points
+        between start and end), or begins or ends at speed. The line is the same as in joint
+        coordinates, or does not end at the target joints. A limit forbids a place on the line.
     """
     # Only a change of roll or tilt makes the line differ from the one in joint coordinates.
+    # [:2] are roll and tilt.
     lines_differ = np.abs((phase.end - phase.start)[:2]).max() > ROUNDING_TOLERANCE
     if len(phase.points) != 2 or not phase.begins_and_ends_at_rest or not lines_differ:
         return None
@@ -398,12 +413,13 @@ def with_end_velocities(
     """Return the phases with the joint velocities at the start and at the end of the motion.
 
     The velocities follow from the rates of task coordinates in the problem (`start_rate`,
-    `end_rate`).
+    `end_rate`). The phase at the start also gets the joint accelerations there
+    (`start_acceleration`).
 
     Parameters
     ----------
     phases : tuple of Phase
-        All phases of the problem, without velocities.
+        All phases (entries of the motion list) of the problem, without velocities.
 
     Returns
     -------
@@ -415,7 +431,8 @@ def with_end_velocities(
     Raises
     ------
     ProblemError
-        If the velocity would make a motion leave its given path.
+        If the velocity would make a motion leave its given path, or if a dwell would have a
+        velocity.
     """
     first, last = (
         _index_of_phase_with_rates(phases),
@@ -437,10 +454,10 @@ def with_end_velocities(
 
 
 def _index_of_phase_with_rates(phases: Sequence[Phase]) -> int:
-    """Return the index of the phase whose start has the rates that the problem gives.
+    """Return the index of the phase at whose start the robot has the rates that the problem gives.
 
     It is the first phase that takes time. If this phase is a dwell, or if all phases take no time,
-    it is the first free motion, which leaves its position and returns to it.
+    it is the first free motion up to there, which leaves its position and returns to it.
 
     Parameters
     ----------
@@ -454,12 +471,12 @@ def _index_of_phase_with_rates(phases: Sequence[Phase]) -> int:
 
 
 def _end_velocity(phase: Phase, side: int) -> Array:
-    """Convert the task rates at one end of the motion to joint velocities q̇ (4,).
+    """Convert the task rates at one end of the motion to joint velocities q̇.
 
     Parameters
     ----------
     phase : Phase
-        The first or the last phase.
+        The first or the last phase (entry of the motion list) that moves.
     side : int
         0 for the start of the phase, −1 for its end.
 
@@ -485,6 +502,7 @@ def _end_velocity(phase: Phase, side: int) -> Array:
     if phase.path is not None:
         sample = phase.path.sample(np.array([-float(side)]))  # s = 0 or 1
         direction = task_rates(mechanism, sample.q, sample.dq)[0]
+        # Part of the rate that points along the path.
         projection = direction * (direction @ rate) / (direction @ direction)
         off_line = np.abs(rate - projection).max() > ROUNDING_TOLERANCE * np.abs(rate).max()
         if direction @ rate < 0 or off_line:
@@ -537,10 +555,10 @@ def _check_end_velocity(phase: Phase, side: int) -> Iterator[Reason | None]:
 def _check_velocity_change(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason for each joint that cannot change its velocity within the phase.
 
-    On a given path, a joint needs the acceleration |q̇₁² − q̇₀²| / (2 |Δq|), with the
-    velocities q̇₀ and q̇₁ at both ends and the distance Δq that it covers. None is yielded if
-    its limit suffices. Without a given path, a joint may overshoot, for which it needs a part
-    of its range (`_check_stopping_ranges`).
+    On a given path, a joint needs at least the acceleration |q̇₁² − q̇₀²| / (2 d), with the
+    velocities q̇₀ and q̇₁ at both ends and the length d of the way that it covers. None is yielded if
+    its limit suffices. Without a given path, a joint may move beyond its target, for which it needs
+    a part of its range (`_check_stopping_ranges`).
 
     Parameters
     ----------
@@ -579,9 +597,9 @@ def _check_velocity_change(phase: Phase) -> Iterator[Reason | None]:
 def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason for each range that a joint must leave in order to stop or to start.
 
-    A joint that begins at the velocity q̇ covers at least q̇²/(2 q̈_max) until it stops, with
-    its largest acceleration q̈_max. It needs the same distance to reach a velocity at the end.
-    The range may also be that of tilt or depth, which depend on one joint alone.
+    A joint that begins at the velocity q̇ covers at least q̇²/(2 q̈_max) until it stops, with its
+    largest acceleration q̈_max. It needs the same distance to reach a velocity at the end. The range
+    may also be that of tilt or depth, which depend on one joint alone.
 
     Parameters
     ----------
@@ -601,6 +619,7 @@ def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     )
     for (qd, side, phrase), (i, joint) in product(ends, enumerate(problem.robot.joints)):
         turning_q = phase.points[side].copy()
+        # Position at which the joint stops, or from which it starts: q ± q̇²/(2 q̈_max).
         turning_q[i] += qd[i] * abs(qd[i]) / (2 * joint.acceleration)
         if ranges[0, i] - EQUALITY_TOLERANCE <= turning_q[i] <= ranges[1, i] + EQUALITY_TOLERANCE:
             continue
@@ -620,4 +639,5 @@ def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
             f"{name} {phrase} {{value}}, because joint {joint.name} moves at {speed} and "
             f"accelerates by at most {acceleration}, but its range ends at {{bound}}"
         )
+        # The tolerance −∞ always gives a reason. The test above has its own tolerance.
         yield check_limit(limit, value, phase.motion.name, template, -np.inf)

@@ -1,8 +1,8 @@
 """Lower bounds on durations, and motions of a single joint, in closed form.
 
 A lower bound considers each joint, and each limited task rate, as if it moved alone. The search
-over candidates compares these bounds (`Phase.lower_bound`). `SCurve` is a motion of one joint with
-limited jerk: the fastest one from rest to rest, or the quickest stop.
+over candidates (ways to move) compares these bounds (`Phase.lower_bound`). `SCurve` is a motion of
+one joint with limited jerk. `rest_to_rest` and `quickest_stop` build the fastest ones.
 """
 
 import math
@@ -19,7 +19,7 @@ from ssm_planner.typing import Array, Indices, record
 BISECTION_STEPS = 60
 """Number of bisections in a search for a velocity or an acceleration.
 
-They reduce the interval by a factor of 2⁶⁰, which is below the resolution of a double.
+They reduce the interval by the factor 2⁶⁰. This is more than the 53 bits that a double resolves.
 """
 
 
@@ -31,12 +31,14 @@ def lower_bound(
 ) -> float:
     """Return a lower bound on the duration of any motion through given joint positions, s.
 
-    Each joint is bounded by itself, without regard to the others. The bound is the larger of two
-    numbers. The first is the time that the slowest joint needs through all points. The second is a
-    sum over the segments between consecutive points: the time that the slowest joint of the segment
-    needs, with free velocities at the via points (the points between start and end). The limits on
-    the rate of depth and on the tip speed also limit joint 4, which inserts the tool. The tip takes
-    at least the time for a straight line at its largest speed.
+    A via point is a position between start and end. The bound is the larger of two numbers:
+
+    - the time that the slowest joint, moving alone, needs through all points;
+    - a sum over the segments between consecutive points. Each term is the time that the slowest
+      joint needs alone, with the most favourable velocities at the via points, or the time that the
+      tip needs for a straight line at its largest speed.
+
+    The limits on the rate of depth and on the tip speed also limit joint 4, which inserts the tool.
 
     Parameters
     ----------
@@ -45,7 +47,7 @@ def lower_bound(
     points : (k + 1, 4) array
         Joint positions at the ends and at the via points, rad and m.
     speeds : (2, 4) array, optional
-        Joint velocities q̇ at both ends, by default 0.
+        Joint velocities q̇ at both ends, rad/s and m/s. The default is 0.
     limits : TaskLimits
         Limits on task rates and on the tip speed.
 
@@ -60,6 +62,7 @@ def lower_bound(
         _single_joint_time(*joint)
         for joint in zip(points.T, ends.T, velocity, acceleration, jerk, strict=True)
     )
+    # NaN stands for a free velocity at a via point.
     at_points = np.insert(ends, 1, np.full((len(points) - 2, 4), np.nan), axis=0)
     segments = minimum_times(
         np.diff(points, axis=0), velocity, acceleration, (at_points[:-1], at_points[1:])
@@ -72,9 +75,10 @@ def lower_bound(
 def slowest_joint_times(
     robot: Robot, displacements: Array, distances: Array, limits: TaskLimits
 ) -> Array:
-    """Return the times of motions from rest to rest for which the slowest joint decides, s.
+    """Return the shortest times of motions from rest to rest if each joint moves alone.
 
-    The search for a short order of the spots of a scan uses them as distances.
+    The slowest joint determines the time, or the tip at its largest speed. The search for a short
+    order of the spots of a scan uses these times as distances.
 
     Parameters
     ----------
@@ -90,7 +94,7 @@ def slowest_joint_times(
     Returns
     -------
     (...) array
-        Time that the slowest joint needs if it moves alone, or the tip at its largest speed.
+        Times, s.
     """
     times = rest_to_rest_times(np.abs(displacements), *_joint_limits(robot, limits)).max(axis=-1)
     return np.maximum(times, distances / _tip_speed(limits))
@@ -131,20 +135,21 @@ def _joint_limits(robot: Robot, limits: TaskLimits) -> Array:
 def _single_joint_time(
     positions: Array, speeds: Array, velocity: float, acceleration: float, jerk: float
 ) -> float:
-    """Return the shortest time in which one joint passes through positions, s.
+    """Return the shortest time in which one joint passes through given positions, s.
 
-    A joint is at rest where it reverses. If it cannot stop at a point, it reverses beyond the
-    point. The limit of jerk only counts if the joint moves in one direction from rest to rest,
-    because the acceleration need not be zero at a reversal.
+    A joint is at rest where it reverses. If it cannot stop at the first or last of its reversals
+    because of its velocity at an end, it reverses beyond the point. The limit of jerk only counts
+    if the joint moves in one direction from rest to rest, because the acceleration need not be zero
+    at a reversal.
 
     Parameters
     ----------
     positions : (k + 1,) array
         Positions, rad or m.
     speeds : (2,) array
-        Velocities at both ends.
+        Velocities at both ends, rad/s or m/s.
     velocity, acceleration, jerk : float
-        Limits of the joint.
+        Limits of the joint, in the unit of the positions and s.
 
     Returns
     -------
@@ -162,6 +167,7 @@ def _single_joint_time(
     starts[0], ends[-1] = speeds
     if len(runs) > 1:
         sign = np.sign(runs)
+        # The first and the last run cover at least the distance v²/(2a) that a stop from v needs.
         to_stop = np.maximum(np.maximum(sign * starts, sign * ends), 0.0) ** 2 / (2 * acceleration)
         runs = sign * np.maximum(np.abs(runs), to_stop)
     return float(minimum_times(runs, velocity, acceleration, (starts, ends)).sum())
@@ -172,7 +178,7 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
 
     It is the longest time that one of the limited coordinates would need alone. If the joint limits
     bound its angular acceleration, the time also includes the change of rate at both ends. Depth
-    needs no such bound, because its rate is already limited as the velocity of joint 4.
+    needs no such bound, because `lower_bound` treats its rate as the velocity of joint 4.
 
     Parameters
     ----------
@@ -181,7 +187,7 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
     ends : (2, 4) array
         Task coordinates at the start and at the end, rad and m.
     rates : (2, 4) array
-        Rates of the task coordinates at both ends.
+        Rates of the task coordinates at both ends, rad/s and m/s.
     limits : TaskLimits
         Limits on task rates and on the range of tilt.
 
@@ -212,7 +218,7 @@ def angular_acceleration_bound(robot: Robot, name: str, limits: TaskLimits) -> f
     accelerations within the limits of the joints. Let θ1, θ2, θ3 be the revolute joints, α and β
     the angles between the axes of joints 1 and 2 and of joint 2 and the tool, ψ the roll and φ the
     tilt. The tool axis moves about joint 2 on a circle of radius sin β. The tilt φ and the azimuth
-    ζ = ψ − θ1 are therefore functions of θ2 alone, with
+    ζ = ψ − θ1 are therefore functions of θ2 alone. Primes are derivatives by θ2:
 
         |φ'| ≤ sin β,           |φ''| ≤ (sin β + |cos φ| sin² β) / sin φ,
         |ζ'| ≤ sin β / sin φ,   |ζ''| ≤ (sin β + 2 |cos φ| sin² β / sin φ) / sin φ.
@@ -238,8 +244,11 @@ def angular_acceleration_bound(robot: Robot, name: str, limits: TaskLimits) -> f
     low, high = limits.ranges.get("tilt", (-math.pi, math.pi))
     if not (-math.pi < low < high < 0 or 0 < low < high < math.pi):
         return math.inf
+    # The sine has its minimum over the range at one of the ends.
     smallest_sine = min(abs(math.sin(low)), abs(math.sin(high)))
     radius = math.sin(mechanism.alpha if name == "spin" else mechanism.beta)
+    # Factors in the bounds of the docstring: |first derivative| ≤ radius · slope, and
+    # |second derivative| ≤ (radius + curvature · radius²) / sin φ, with |cos φ| ≤ 1.
     slope, curvature = (1.0, 1.0) if name == "tilt" else (1 / smallest_sine, 2 / smallest_sine)
     second_joint_term = radius * slope * second.acceleration
     velocity_term = (radius + curvature * radius**2) / smallest_sine * second.velocity**2
@@ -255,8 +264,8 @@ def minimum_times(
 ) -> Array:
     """Return the shortest times over given distances with limited velocity and acceleration.
 
-    A joint that is too fast to stop within its distance overshoots and returns. All arguments
-    broadcast.
+    A joint that starts too fast to stop within its distance moves beyond it and returns. All
+    arguments broadcast.
 
     Parameters
     ----------
@@ -266,20 +275,24 @@ def minimum_times(
         Limits. If a velocity at an end exceeds its limit, the limit is raised to it.
     speeds : (array, array)
         Signed velocities at the start and at the end. NaN stands for a free velocity, which is then
-        as large as the distance allows.
+        as large as the distance and the limit allow.
 
     Returns
     -------
     array of the broadcast shape
         Times, s.
     """
+    # All motions are mirrored to positive distances.
     sign = np.where(np.asarray(distance) < 0, -1.0, 1.0)
     distance = sign * distance
     start, end = (sign * speed for speed in speeds)
+    # A free velocity at one end is the largest one that the joint can reach from the other end. If
+    # both ends are free, it is the limit, because fmin and fmax ignore NaN.
     known = np.where(np.isnan(start), end, start)
     reachable = np.sqrt(np.maximum(known**2 + 2 * acceleration * distance, 0.0))
     free_speed = np.fmin(reachable, np.fmax(velocity, np.abs(known)))
     start, end = (np.where(np.isnan(speed), free_speed, speed) for speed in (start, end))
+    # A direct change of velocity from start to end, without reversal, covers this distance.
     direct_distance = (start + end) / 2 * np.abs(end - start) / acceleration
     is_direct = np.abs(distance - direct_distance) <= ROUNDING_TOLERANCE * (
         1 + np.abs(direct_distance)
@@ -300,7 +313,7 @@ def minimum_times(
 class SCurve:
     """A motion of one joint from position 0, whose acceleration is linear in time on each piece.
 
-    Positions are in rad or m, and velocities and accelerations in the matching SI units.
+    Positions are in rad or m, and velocities and accelerations in the same unit per s and per s².
     """
 
     lengths: Array
@@ -314,7 +327,7 @@ class SCurve:
 
     @classmethod
     def from_pieces(cls, lengths: Array, start: Array, end: Array, speed: float = 0.0) -> "SCurve":
-        """Build a motion without those pieces whose durations are mere rounding errors.
+        """Build a motion from pieces, and leave out those whose durations are mere rounding errors.
 
         Parameters
         ----------
@@ -325,6 +338,7 @@ class SCurve:
         speed : float
             Velocity at the start of the motion.
         """
+        # Differences of durations have rounding errors of about 1e-16 of the whole duration.
         lasting = lengths > 1e-13 * lengths.sum()
         return cls(lengths[lasting], start[lasting], end[lasting], speed)
 
@@ -344,7 +358,7 @@ class SCurve:
         return _cumulative_sums(self.lengths)
 
     def followed_by_rest(self, duration: float) -> "SCurve":
-        """Return the motion followed by a rest, with a total duration in s.
+        """Return the motion followed by a rest, so that both together take a given duration.
 
         Parameters
         ----------
@@ -356,6 +370,7 @@ class SCurve:
         SCurve
             The motion. It is unchanged if it takes at least this duration already.
         """
+        # A rest is a piece with the acceleration 0.
         pause = duration - self.duration
         if pause <= ROUNDING_TOLERANCE:
             return self
@@ -366,7 +381,11 @@ class SCurve:
         return SCurve(lengths, start, end, self.speed)
 
     def stretched(self, duration: float) -> "SCurve":
-        """Return the motion stretched in time to a duration in s. It covers the same distance."""
+        """Return the motion over the same distance with another duration, s.
+
+        All velocities are divided by the ratio of the durations, and all accelerations by its
+        square.
+        """
         factor = duration / self.duration
         return SCurve(
             self.lengths * factor, self.start / factor**2, self.end / factor**2, self.speed / factor
@@ -387,8 +406,8 @@ class SCurve:
         Returns
         -------
         tuple of three (n,) arrays
-            Position, velocity and acceleration. Where the acceleration jumps, its value after the
-            jump is returned, except at the end of the motion.
+            Position, velocity and acceleration, in rad or m and s. Where the acceleration jumps,
+            its value after the jump is returned, except at the end of the motion.
         """
         index = self._piece_index(t)
         cubics = self._cubics
@@ -398,7 +417,7 @@ class SCurve:
         )
 
     def jerk_at(self, t: Array) -> Array:
-        """Return the jerk at times t (n,), in s. At a jump it is the value after the jump."""
+        """Return the jerk (n,) at times t (n,), in s. At a jump it is the value after the jump."""
         return np.asarray(self._cubics.jerk[self._piece_index(t)])
 
     @cached_property
@@ -413,14 +432,17 @@ class SCurve:
         )
 
     def _piece_index(self, t: Array) -> Indices:
-        """Return the index of the piece that contains each of the times (n,)."""
+        """Return the index (n,) of the piece that contains each of the times (n,), s.
+
+        Times before the start or after the end give the first or the last piece.
+        """
         return np.clip(
             np.searchsorted(self.switching_times, t, side="right") - 1, 0, len(self.lengths) - 1
         )
 
 
 def _cumulative_sums(values: Array) -> Array:
-    """Return the cumulative sums of values (m,), with a leading 0, (m + 1,)."""
+    """Return the cumulative sums (m + 1,) of values (m,). The first one is 0."""
     return np.append(0.0, np.cumsum(values))
 
 
@@ -429,7 +451,7 @@ def rest_to_rest(
 ) -> SCurve:
     """Return the fastest motion of a joint from rest to rest.
 
-    The motion is symmetric in time. Without a jerk limit, its velocity is a trapezoid over time, or
+    The motion is symmetric in time. Without a jerk limit, its velocity over time is a trapezoid, or
     a triangle if it does not reach its limit. With a jerk limit, the motion has up to seven pieces.
 
     Parameters
@@ -450,6 +472,7 @@ def rest_to_rest(
     speed = min(
         velocity, float(_peak_speed_without_cruise(np.array(distance), acceleration, limit))
     )
+    # A ramp is a piece in which the acceleration changes at the limit of jerk.
     ramp = min(acceleration / limit, math.sqrt(speed / limit))
     peak = min(acceleration, math.sqrt(speed * limit))
     constant_time = max(speed / peak - ramp, 0.0)
@@ -462,17 +485,17 @@ def rest_to_rest(
 
 
 def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) -> SCurve:
-    """Compute the quickest stop of a joint.
+    """Compute the quickest stop of a joint from a given velocity and acceleration.
 
-    If the acceleration cannot return to 0 before the velocity does, the joint overshoots its point
-    of rest, reverses and comes to rest from the other side.
+    The acceleration is 0 at the end. If it cannot return to 0 before the velocity does, the joint
+    moves beyond the position at which it stops, and returns to it.
 
     Parameters
     ----------
     speed, acceleration : float
-        Velocity and acceleration at the beginning.
+        Velocity and acceleration at the beginning, in rad or m and s.
     limit, jerk : float
-        Limits of acceleration and jerk. The acceleration may jump if the jerk limit is infinite.
+        Limits of acceleration and jerk. With an infinite limit of jerk the acceleration may jump.
 
     Returns
     -------
@@ -482,8 +505,10 @@ def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) 
     if math.isinf(jerk):
         braking = np.array([-math.copysign(limit, speed)])
         return SCurve(np.array([abs(speed) / limit]), braking, braking, speed)
-    # The joint brakes against the velocity at which its acceleration would be 0.
+    # The joint brakes against the velocity that it would have once its acceleration is 0.
     sign = math.copysign(1.0, speed + acceleration * abs(acceleration) / (2 * jerk))
+    # Mirrored in this way, the joint brakes with a negative acceleration. The acceleration changes
+    # to −peak, stays there, and rises to 0. If v < 0, the joint reverses during the first change.
     v, a = sign * speed, sign * acceleration
     peak = min(math.sqrt(max(jerk * v + a**2 / 2, 0.0)), limit)
     ramp_time = abs(a + peak) / jerk
@@ -512,14 +537,14 @@ def stopping_curves(robot: Robot, qd: Array, qdd: Array, share: float = 1.0) -> 
     robot : Robot
         The robot with the limits of its joints.
     qd, qdd : (4,) arrays
-        Joint velocities q̇ and accelerations q̈ at the beginning.
+        Joint velocities q̇ and accelerations q̈ at the beginning, in rad or m and s.
     share : float
         Share of the acceleration limits that the joints use.
 
     Returns
     -------
     list of SCurve or None
-        Motion of every joint. None for a joint at rest.
+        Motion of every joint. None for a joint without velocity and acceleration.
     """
     joints = zip(qd.tolist(), qdd.tolist(), robot.joints, strict=True)
     curves = [
@@ -556,12 +581,13 @@ def rest_to_rest_times(
     array of the broadcast shape
         Durations, s.
     """
-    # With the peak velocity v and the time T of a ramp, the duration is T + distance / v.
+    # At the peak velocity v = a²/j, the acceleration just reaches its limit a.
     speed = np.minimum(velocity, _peak_speed_without_cruise(distance, acceleration, jerk))
     reaches_limit = speed >= acceleration**2 / jerk
     ramp_times = np.where(
         reaches_limit, speed / acceleration + acceleration / jerk, 2 * np.sqrt(speed / jerk)
     )
+    # For a distance of 0 the speed is 0, and the lower bound on the divisor gives the time 0.
     return np.asarray(ramp_times + distance / np.maximum(speed, ROUNDING_TOLERANCE))
 
 
@@ -570,10 +596,9 @@ def _peak_speed_without_cruise(
 ) -> Array:
     """Return the peak velocity v of the fastest motion from rest to rest without a velocity limit.
 
-    Such a motion does not cruise, that is, it has no part at constant velocity.
-
-    The distance d is v T, with the time T in which the velocity rises to v. If the acceleration
-    reaches its limit a, T = v/a + a/j with the jerk limit j. Otherwise T = 2 √(v/j).
+    Such a motion does not cruise, that is, it has no part at constant velocity. The distance d is v
+    T, with the time T in which the velocity rises to v. If the acceleration reaches its limit a, T
+    = v/a + a/j with the jerk limit j. Otherwise T = 2 √(v/j).
 
     Parameters
     ----------
@@ -581,7 +606,14 @@ def _peak_speed_without_cruise(
         Distances d ≥ 0, rad or m.
     acceleration, jerk : array or float
         Limits a and j. All arguments broadcast.
+
+    Returns
+    -------
+    array of the broadcast shape
+        Peak velocities, rad/s or m/s.
     """
+    # If the peak velocity reaches a²/j, the acceleration reaches its limit a. Then d = v²/a + v a/j
+    # is solved for v, otherwise d = 2 v √(v/j).
     limit_speed = acceleration**2 / jerk
     speed = (np.sqrt(limit_speed**2 + 4 * acceleration * distance) - limit_speed) / 2
     with np.errstate(invalid="ignore"):  # 0 · ∞ for a joint at rest without a limit of jerk.

@@ -35,22 +35,22 @@ from ssm_planner.typing import Array, record
 def explain_failure(phase: Phase, path: JointPath, message: str) -> Reason:
     """Return the reason why a solver found no motion of a phase.
 
-    The reason names a motor that is too weak anywhere on the path, or a place that the eye forbids.
-    If neither is found, the reason contains only the solver's message.
+    The reason names a motor that is too weak somewhere on the path, or a place that the eye
+    forbids. If neither is found, the reason contains only the solver's message.
 
     Parameters
     ----------
     phase : Phase
         Entry of the motion list with its problem and joint positions.
     path : JointPath
-        The path that the solver tried, or the direct one.
+        The path that the solver tried. For a free motion, straight lines between its points.
     message : str
         Message of the solver.
 
     Returns
     -------
     Reason
-        The cause, whose field `limit` is None if only the solver's message is known.
+        The cause. Its field `limit` is None if only the solver's message is known.
     """
     reason = check_motor_torque(phase, path, PATH_SAMPLES)
     if reason is not None:
@@ -81,7 +81,7 @@ def _most_overloaded_motor(
         Kind of the limit: the largest or the continuous torque.
     needs : iterable of (int, float, str or None)
         For each motor the index of its joint, the torque in N·m that it needs, and the place on the
-        motion.
+        motion. None instead of the place stands for the whole motion.
     template : str
         Continuation of the message after the name of the joint, with the fields {value} and
         {bound}.
@@ -106,8 +106,8 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
 
     The needed torque is that of a motion so slow that inertia and viscous friction vanish. Friction
     is static where the joint starts or reverses, and that of slow motion elsewhere. The test covers
-    the knots of the path (the ends and all reversals), and evenly spaced points. A motor that is
-    too weak at the ends of a free motion is too weak on every path between them.
+    the knots of the path (the ends and all reversals) and evenly spaced points. A motor that is too
+    weak at the ends of a free motion is too weak on every path between them.
 
     Parameters
     ----------
@@ -128,7 +128,9 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
     robot = phase.problem.robot
     gravity = RigidBody.from_robot(robot).gravity_load(places.q)
     starts = joint_starts(places, knots, signs)
-    # At a knot, the motor must move the joint in the directions before and after the knot.
+    # Indices of the segments between knots in which each place lies. At a knot, they are the one
+    # before ("left") and the one after it ("right"), because the motor must move the joint in both
+    # directions.
     segments = [
         np.clip(np.searchsorted(knots, places.s, side=side) - 1, 0, len(signs) - 1)
         for side in ("left", "right")
@@ -148,7 +150,8 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
             k = int(np.argmax(torque))
             yield i, float(torque[k]), f"{phase.motion.name}, {100 * places.s[k]:.0f} % of the way"
 
-    # On a free motion, other joints may move first and relieve the motor.
+    # On a free motion, other joints may move first and relieve the motor, so the message only
+    # concerns the present positions of the other joints.
     task = "move at all" if phase.path is path else "move with the other joints there"
     return _most_overloaded_motor(
         robot,
@@ -163,18 +166,19 @@ def check_braking_torque(phase: Phase) -> Reason | None:
     """Return a reason if a motor is too weak for the velocity at which a phase begins, or None.
 
     The motor is too weak if it needs more than its largest torque for all joint accelerations
-    within the limits. This includes a motor that cannot hold the velocity against a load that
-    resists the motion: the joint would slow down harder than its limit allows.
+    within the limits. For example, it cannot hold the velocity against a load that resists the
+    motion, so the joint would slow down harder than its limit allows.
 
-    The needed torque is bounded from below. The torque in the direction of motion is convex in the
-    effort, that is, the torque or force at the output of the drive, and the effort is linear in the
-    joint accelerations. The smallest value on a grid of efforts, minus the largest step between
-    neighbours, is therefore a lower bound.
+    The needed torque is bounded from below. Let the effort be the torque or force at the output of
+    the drive. The motor torque in the direction of motion is convex in the effort, and the effort
+    is linear in the joint accelerations. On a grid of efforts, the smallest torque minus the
+    largest step between neighbours is therefore a lower bound.
 
     Parameters
     ----------
     phase : Phase
-        A free phase with joint velocities at its start.
+        A free phase (entry of the motion list without a given path) with joint velocities at its
+        start.
 
     Returns
     -------
@@ -194,7 +198,7 @@ def check_braking_torque(phase: Phase) -> Reason | None:
     reach = np.abs(load[1:] - load[0]).sum(axis=0)
 
     def needs() -> Iterator[tuple[int, float, str]]:
-        """Yield index and place of each joint with a lower bound on its needed torque, N·m."""
+        """Yield the index of each moving joint, a lower bound on its torque (N·m) and the place."""
         for i, drive, _ in motorised_joints(robot.joints):
             sign = float(np.sign(qd[i]))
             if sign:
@@ -218,25 +222,26 @@ def check_braking_torque(phase: Phase) -> Reason | None:
 def check_motor_heat(phases: Sequence[Phase]) -> Reason | None:
     """Return a reason if every motion of the phases exceeds a motor's continuous torque, or None.
 
-    In a phase along a given path from rest to rest in which a joint moves in one direction, the
-    mean motor torque is at least a (`_SlowMotion.least_mean_torque`), so the mean square is at
-    least a². In all other phases a = 0. For phases of durations T_k and a pause P,
+    Consider a phase along a given path from rest to rest in which a joint moves in one direction.
+    The mean torque of its motor is at least a (`_SlowMotion.least_mean_torque`), so the mean square
+    is at least a². In all other phases a = 0. For phases of durations T_k and a pause P,
 
         RMS² ≥ Σ a_k² T_k / (Σ T_k + P).
 
-    The right side is monotone in each T_k, so its minimum has all T_k at their lower bounds, or one
-    of them infinite. Stribeck friction is taken at its smallest, and torque ripple is left out, so
-    the bound stays below the true RMS torque.
+    The right side is monotone in each T_k. Its minimum therefore has all T_k at their lower bounds,
+    or one of them infinite. Stribeck friction is taken at its smallest, and torque ripple is left
+    out, so the bound stays below the true RMS torque.
 
     Parameters
     ----------
     phases : sequence of Phase
-        All phases of a problem. Its key `duty` gives the pause.
+        All phases (entries of the motion list) of a problem. Its key `duty` gives the pause before
+        the motion repeats.
 
     Returns
     -------
     Reason or None
-        None without a duty cycle, or if a slower motion may suffice.
+        None if the motion does not repeat, or if a slower motion may suffice.
     """
     pause, robot = phases[0].problem.duty, phases[0].problem.robot
     if pause is None:
@@ -246,7 +251,7 @@ def check_motor_heat(phases: Sequence[Phase]) -> Reason | None:
     has_free_duration = [not phase.motion.duration for phase in phases]
 
     def needs() -> Iterator[tuple[int, float, None]]:
-        """Yield the index of each joint, a lower bound on its RMS torque in N·m, and no place."""
+        """Yield the index of each joint, a lower bound on its RMS torque (N·m), and no place."""
         for i, drive, _ in motorised_joints(robot.joints):
             means = [
                 motion.least_mean_torque(i, drive) if motion else 0.0 for motion in slow_motions
@@ -267,8 +272,8 @@ def check_motor_heat(phases: Sequence[Phase]) -> Reason | None:
 def check_thermal_bound(problem: Problem) -> Reason | None:
     """Return a reason if every motion of a problem exceeds a motor's continuous torque, or None.
 
-    No motion is planned. None means that a slower motion may suffice, or that the problem has no
-    feasible phases.
+    No motion is planned. None means that a slower motion may suffice, that the motion does not
+    repeat, or that the problem has no feasible phases.
     """
     phases, reason = feasible_phases(problem)
     return None if reason is not None else check_motor_heat(phases)
@@ -279,6 +284,7 @@ class _SlowMotion:
     """Samples of a phase along a given path q(s), for bounds on torque that hold at every speed.
 
     s is the path parameter from 0 to 1, primes are derivatives with respect to s, and ṡ = ds/dt.
+    The speed of the motion is not known, only its largest value.
     """
 
     samples: PathSamples
@@ -286,9 +292,9 @@ class _SlowMotion:
     signs: Array
     """Directions +1, −1 or 0 of the joints between reversals, (k, 4)."""
     load: tuple[Array, Array, Array]
-    """A, B, C of the rigid-body load A s̈ + B ṡ² + C, (n, 4) each."""
+    """Coefficients A, B and C of the rigid-body load A s̈ + B ṡ² + C, (n, 4) each."""
     speed_limit: Array
-    """Largest ṡ that the joints' velocities allow, (n,)."""
+    """Largest ṡ that the joints' velocity limits allow, (n,), 1/s."""
 
     @classmethod
     def from_phase(cls, robot: Robot, phase: Phase) -> "_SlowMotion | None":
@@ -308,6 +314,7 @@ class _SlowMotion:
         samples = phase.path.coarse_samples
         load = RigidBody.from_robot(robot).path_load(samples.q, samples.dq, samples.ddq)
         velocity = robot.velocities
+        # A joint at rest (q' = 0) does not limit ṡ: its quotient is infinite.
         with np.errstate(divide="ignore", over="ignore"):
             speed_limit = np.min(velocity / np.abs(samples.dq), axis=1)
         return cls(samples, phase.path.directions[1], load, speed_limit)
@@ -315,10 +322,14 @@ class _SlowMotion:
     def least_mean_torque(self, i: int, drive: Drive) -> float:
         """Return a lower bound on the mean torque of a motor over the motion, N·m.
 
-        The torque in the direction of motion is the larger of two linear functions of the output
-        effort F, so it is at least c F for every slope c between those of the two functions. With
-        F = A s̈ + B ṡ² + C, integration by parts over a motion from rest to rest shows that F has
-        the same mean as (B − A') ṡ² + C. ṡ is at most what the velocities of the joints allow.
+        The torque in the direction of motion is the larger of two linear functions of the effort F,
+        that is, the torque or force at the output of the drive. It is therefore at least c F for
+        every slope c between the slopes of the two functions. Integration by parts over a motion
+        from rest to rest replaces the unknown s̈:
+
+            F = A s̈ + B ṡ² + C,   mean of F = mean of (B − A') ṡ² + C.
+
+        ṡ is at most what the velocity limits of the joints allow.
 
         Parameters
         ----------
@@ -337,12 +348,14 @@ class _SlowMotion:
             return 0.0
         friction = required_friction(drive)
         inertia, square_term, static_term = (term[:, i] for term in self.load)
+        # Largest magnitudes of the effort of viscous friction and of the term with ṡ².
         viscous = friction.b_ov * np.abs(self.samples.dq[:, i]) * self.speed_limit
         slope = np.gradient(inertia, self.samples.s)
         varying = np.abs(square_term - slope) * self.speed_limit**2
         # In the direction of motion the torque is b_c + max(raising · F, lowering · F).
         effort = signs[0] * static_term + friction.b_oc
         raising, lowering = motor_torque_rows(drive, int(signs[0]), friction.mu).slope
+        # Three admissible slopes c, (3, 1). The best of the three bounds is the result.
         slopes = np.array([raising, lowering, np.clip(0.0, lowering, raising)])[:, None]
         bounds = friction.b_c + slopes * effort - np.abs(slopes) * (varying + viscous)
         return max(0.0, float(bounds.min(axis=1).max()))

@@ -1,9 +1,9 @@
 """Solvers for the motion of one phase, that is, of one entry of the motion list.
 
-The different ways to move a phase (candidates) ask `PhasePlanner` for motions: along a given path
+The different ways to move a phase (candidates) ask a `PhasePlanner` for motions: along a given path
 (`along_path`) or along a path that the solver chooses (`free`). The planner selects optimal control
-or TOPP-RA alone, calls Ipopt where the structured solver fails, and turns every failure into a
-`Reason`.
+or TOPP-RA, which only times a given path. It calls Ipopt where the structured solver (the faster
+solver of this package) fails, and turns every failure into a `Reason`.
 """
 
 from collections.abc import Callable
@@ -37,10 +37,10 @@ METHODS: dict[str, Method] = {
     "ipopt": "Ipopt",
     "toppra": "structured",
 }
-"""Solution method of optimal control for each value of the key `planner`.
+"""Solution method of optimal control for each value of the key `planner` of a problem.
 
-The planner "toppra" also needs one: a motion to the first point of a table is a free motion, which
-TOPP-RA cannot plan.
+The planner "toppra" also needs one, because TOPP-RA cannot plan a free motion, such as the one to
+the first point of a table.
 """
 
 
@@ -54,18 +54,21 @@ class PhasePlanner:
     """
 
     strict: Robot
-    """The robot with the limits that the motion must keep.
+    """Robot with the limits that the motion must keep.
 
     After a failed check they are stricter than those of the problem (`pipeline/certified.py`).
     """
     phase: Phase
-    """The phase to be planned."""
+    """Phase to be planned."""
     cooling: Array | None = None
-    """Weights (4,) of the motors' heat relative to time. None: heat does not count."""
+    """Weights of the heat of the motors, (4,). None: heat does not count.
+
+    A weight is the duration in s that is worth one second of a motor at its nominal torque.
+    """
     approximate: bool = False
     """True if an estimate of the duration suffices.
 
-    The structured solver computes it in few rounds.
+    The structured solver then computes the motion in few rounds, and Ipopt is not called.
     """
     may_reverse: bool = True
     """True if joints may reverse where they need not, to save time."""
@@ -83,14 +86,14 @@ class PhasePlanner:
         Parameters
         ----------
         **changes
-            Fields of the problem with their new values, which are not validated.
+            New values by the name of the field of `Problem`. They are not validated.
         """
         problem = unchecked_copy(self.problem, **changes)
         return replace(self, phase=replace(self.phase, problem=problem))
 
     @property
     def without_duration(self) -> "PhasePlanner":
-        """Copy that plans the fastest motion of the phase, although a duration may be requested.
+        """Copy that plans the fastest motion of the phase, whatever duration is requested.
 
         Ipopt does not confirm the motion.
         """
@@ -99,15 +102,17 @@ class PhasePlanner:
         return replace(self, phase=untimed).with_problem(objective="time", planner=planner)
 
     def along_path(self, path: JointPath) -> PlannedPhase | Reason:
-        """Return the motion along a path, by optimal control or timed by TOPP-RA alone.
+        """Return the motion along a path, by optimal control or with the timing of TOPP-RA alone.
 
-        TOPP-RA alone times motions at a constant speed, tables of points, splines that are not
-        divided into pieces, and curves with limits on rates of task coordinates.
+        TOPP-RA alone times motions at a constant speed, tables of points, splines that need no
+        optimal control (`Problem.by_optimal_control`), and curves with limits on rates of task
+        coordinates. It times all paths if the problem asks for the planner "toppra".
 
         Parameters
         ----------
         path : JointPath
-            The path, which may differ from the path of the phase (`candidates/task_line.py`).
+            The path. It may differ from the path of the phase, because a candidate may choose
+            another one (`candidates/task_line.py`).
 
         Returns
         -------
@@ -117,9 +122,10 @@ class PhasePlanner:
         motion = self.phase.motion
         if isinstance(motion, Follow) and motion.constant_speed is not None:
             return self._at_constant_speed(path, motion.constant_speed)
-        # Limits on task rates bound the speed point by point along a curve. Optimal control only
-        # knows one bound between two turning points, so TOPP-RA is more accurate here.
+        # Along a curve, limits on task rates bound the speed at every point by another value.
+        # Optimal control uses one bound between two turning points, so TOPP-RA is more accurate.
         rated = bool(self.problem.rates) and self._toppra_suffices(path)
+        # A spline that is not divided into its cubic pieces is left to TOPP-RA.
         is_table = isinstance(path, SplinePath) and not path.pieces
         if self.problem.planner == "toppra" or is_table or rated:
             return plan_by_toppra(self.phase, self.strict, path)
@@ -133,7 +139,7 @@ class PhasePlanner:
         count: int | None = None,
         fastest_only: bool = False,
     ) -> PlannedPhase | Reason:
-        """Return a motion whose path the solver chooses.
+        """Return a motion of the phase whose path the solver chooses.
 
         Parameters
         ----------
@@ -141,9 +147,10 @@ class PhasePlanner:
             Positions at which joints may reverse, with a guess. None: joints reverse only where
             they must.
         cutoff : float
-            Duration in s beyond which a motion is not refined any further.
+            Duration in s. A motion that takes longer is returned without further refinement.
         count : int or None
-            Number of elements of the mesh. None: the solver chooses it by the kind of motion.
+            Number of elements (time intervals) of the mesh. None: the solver chooses it by the kind
+            of motion.
         fastest_only : bool
             True for the fastest motion as the first solver finds it, without Ipopt's confirmation
             and without reducing heat. `best_free` continues from such a motion.
@@ -154,7 +161,8 @@ class PhasePlanner:
             The phase with its motion, or the reason why there is none.
         """
         phase = self.phase
-        # Joints that already move need not break away, and may come from the other side.
+        # The test assumes that joints start from rest and move towards their targets. A joint that
+        # already moves need not break away, and may reach its target from the other side.
         if phase.begins_and_ends_at_rest:
             reason = check_motor_torque(phase, self._direct_path)
             if reason is not None:
@@ -170,19 +178,20 @@ class PhasePlanner:
             fastest_only=fastest_only,
             work=self.work,
         )
-        # Reversals that multipliers suggest come with a guess. Ipopt alone gets no second attempt.
+        # Borders with a guess stem from the search for reversals. If the structured solver fails
+        # with them, they are given up without an attempt by Ipopt.
         has_guess = borders is not None and borders.guess is not None
         return self._free_result(self._solve(solve, by_ipopt=not has_guess))
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
-        """Return the motion for the objective, from the fastest motion.
+        """Complete the fastest free motion to the motion for the objective of the problem.
 
         Parameters
         ----------
         fastest : PlannedPhase
             Result of `free` with `fastest_only`.
         cutoff : float
-            Duration in s beyond which a motion is not refined any further.
+            Duration in s. A motion that takes longer is returned without further refinement.
 
         Returns
         -------
@@ -216,7 +225,7 @@ class PhasePlanner:
     def phase_result(self, path: JointPath, motion: PhaseSolution) -> PlannedPhase | Reason:
         """Return the phase with the motion of a solver, or the reason why it has none.
 
-        The reason is that the solver found no motion, or that the motion takes longer than
+        A reason means that the solver found no motion, or that the motion takes longer than
         requested.
 
         Parameters
@@ -233,6 +242,7 @@ class PhasePlanner:
             The phase with the motion and a lower bound on its duration, or the reason.
         """
         if not motion.solved:
+            # An estimate only compares durations, so nobody reads the cause.
             if self.approximate:
                 return Reason(message=motion.message)
             return explain_failure(self.phase, path, motion.message)
@@ -244,14 +254,14 @@ class PhasePlanner:
     def _solve(
         self, solve: Callable[..., PhaseSolution], *, by_ipopt: bool = True
     ) -> PhaseSolution:
-        """Solve by the structured solver, and by Ipopt alone if it fails.
+        """Solve with the method of the problem's planner, and by Ipopt alone if this fails.
 
         Parameters
         ----------
         solve : callable
             Computes a motion. Its keyword `method` selects the solution method (`nlp.Method`).
         by_ipopt : bool
-            False if Ipopt does not get the second attempt.
+            False if Ipopt does not get the second attempt. An estimate never gets one.
 
         Returns
         -------
@@ -259,16 +269,17 @@ class PhasePlanner:
             The solution of the last attempt. The field `status` states whether it has a motion.
         """
         method: Method = "estimated" if self.approximate else METHODS[self.problem.planner]
+        # The structured solver needs compiled code.
         solution = solve(method=method if compiled_library() else "Ipopt")
         failed = not solution.solved and solution.solver == "structured"
         return solve(method="Ipopt") if failed and by_ipopt and not self.approximate else solution
 
     def _at_constant_speed(self, path: JointPath, speed: float) -> PlannedPhase | Reason:
-        """Return a motion whose tip reaches a speed and keeps it until it has to slow down.
+        """Return a motion whose tip reaches a given speed, and keeps it until it has to slow down.
 
         The requested speed becomes a limit on the tip speed, and TOPP-RA times the path within all
-        limits. If the tip does not keep that speed because of another limit, a bisection finds the
-        largest speed that it can keep, for the reason.
+        limits. If another limit prevents the tip from keeping the speed, a bisection finds the
+        largest speed that it can keep. The reason states this speed.
 
         Parameters
         ----------
@@ -285,11 +296,11 @@ class PhasePlanner:
         """
 
         def with_tip_speed(limit_speed: float) -> "PhasePlanner":
-            """Return a copy whose problem limits the speed of the tip."""
+            """Return a copy whose problem limits the speed of the tip, m/s."""
             return self.with_problem(limits=(*self.problem.limits, TipSpeed(limit_speed)))
 
         def is_feasible(limit_speed: float) -> bool:
-            """Return True if the tip keeps a limit of its speed as its constant speed."""
+            """Return True if the tip can keep a speed (m/s) when this speed is its limit."""
             limits = with_tip_speed(limit_speed).problem.task_limits
             robot = with_margin(self.strict, GRID_MARGIN)
             retiming = retime(path, robot, limits)
@@ -297,6 +308,7 @@ class PhasePlanner:
 
         if is_feasible(speed):
             return plan_by_toppra(with_tip_speed(speed).phase, self.strict, path)
+        # The tip can keep the speed `slow`, and not the speed `fast`.
         slow, fast = 0.0, speed
         while fast - slow > GAP * speed:
             middle = (slow + fast) / 2
@@ -304,10 +316,10 @@ class PhasePlanner:
         return constant_speed_reason(self.phase.motion.name, speed, slow)
 
     def _by_optimal_control(self, path: JointPath) -> PlannedPhase | Reason:
-        """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA.
+        """Return a motion along a path by optimal control. Its guess is the motion of TOPP-RA.
 
-        TOPP-RA computes the fastest timing of the path on a grid, without limits of jerk. If
-        optimal control gives no motion, the motion of TOPP-RA is the result if it suffices
+        TOPP-RA computes the fastest timing of the path on a grid, without jerk limits. If optimal
+        control gives no motion, the motion of TOPP-RA is the result where it meets all requirements
         (`_toppra_suffices`).
 
         Parameters
@@ -342,9 +354,9 @@ class PhasePlanner:
     def _toppra_suffices(self, path: JointPath) -> bool:
         """Return True if TOPP-RA alone may time the path.
 
-        This holds for curves and rounded corners without a requested duration and without jerk
-        limits, which TOPP-RA cannot keep. Straight lines in task coordinates are left to optimal
-        control.
+        It may time curves and rounded corners, but not straight lines in task coordinates, which
+        are left to optimal control. TOPP-RA cannot keep jerk limits or a requested duration, so
+        there must be none.
 
         Parameters
         ----------

@@ -58,8 +58,9 @@ from ssm_planner.typing import Array, Range, record
 class Phase:
     """One entry of the motion list with its points in task and joint coordinates.
 
-    Most entries give one phase. A scan, a table of points with corners, or a curve that begins
-    elsewhere gives several. Motions with rounded corners between them are joined to one phase.
+    Most entries give one phase. A scan, a table of points with corners, or a curve that begins away
+    from the robot's position gives several. Motions with rounded corners between them are joined to
+    one phase.
     """
 
     problem: Problem
@@ -69,20 +70,24 @@ class Phase:
     start: Array
     """Task coordinates roll, tilt, spin (rad) and depth (m) at the start, (4,)."""
     end: Array
-    """Task coordinates at the end, (4,)."""
+    """Task coordinates at the end, (4,), rad and m."""
     points: Array
     """Joint positions at the start, at the via points and at the end, (k + 1, 4), rad and m.
 
-    A via point is a given point between start and end. On a curve, the reversals of joints take the
-    place of via points.
+    A via point is a given point between start and end. On a curve, the points at which joints
+    reverse take the place of via points.
     """
     path: JointPath | None = None
-    """Given joint path. None for a free motion and for a robot at rest."""
+    """Given joint path. None for a free motion and for a robot at rest.
+
+    On a free motion, the solver chooses the path.
+    """
     qd_start: Array = field(default_factory=lambda: np.zeros(4))
     qd_end: Array = field(default_factory=lambda: np.zeros(4))
-    """Joint velocities at both ends, (4,) each."""
+    """Joint velocities at both ends, (4,) each, rad/s and m/s."""
     qdd_start: Array = field(default_factory=lambda: np.zeros(4))
-    """Joint accelerations at the start of a free motion with limited jerk, (4,)."""
+    """Joint accelerations at the start of a free motion with limited jerk, (4,), rad/s² and m/s².
+    """
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -93,8 +98,8 @@ class Phase:
     def lower_bound(self) -> float:
         """Duration that no motion of the phase can beat, s.
 
-        It is the largest of three bounds: the slowest joint alone, the limited task rates, and the
-        longest stop of a joint that begins at speed.
+        It is the largest of three bounds: the time of the slowest joint, the time that limited task
+        rates require, and the longest stop of a joint that begins at speed.
         """
         robot, limits = self.problem.robot, self.problem.task_limits
         speeds = np.stack([self.qd_start, self.qd_end])
@@ -121,15 +126,15 @@ class Phase:
 
     @property
     def q_start(self) -> Array:
-        """Joint positions at the start, (4,)."""
+        """Joint positions at the start, (4,), rad and m."""
         return np.asarray(self.points[0])
 
     @property
     def is_at_rest(self) -> bool:
         """True if the robot rests during the phase.
 
-        The phase is a dwell, or a motion from rest whose target is the present position. The latter
-        takes no time unless a duration is given.
+        The phase is then a dwell, or a motion from rest whose target is the present position. Such
+        a motion takes no time unless a duration is requested.
         """
         moves = self.path is not None or np.diff(self.points, axis=0).any()
         return not moves and self.begins_and_ends_at_rest
@@ -140,14 +145,14 @@ class Phase:
         return not (self.qd_start.any() or self.qd_end.any())
 
     def from_rest(self, points: Array, *, to_end: bool = True) -> "Phase":
-        """Return a part of this phase, which starts from rest and passes other points.
+        """Return a phase that begins at rest and passes other points, as a part of this phase.
 
         The candidates that divide a phase into two motions use it (`candidates/in_parts.py`).
 
         Parameters
         ----------
         points : (k, 4) array
-            Joint positions at the start, at the via points and at the end, rad and m.
+            Joint positions at the start, at the via points and at the end of the part, rad and m.
         to_end : bool
             True if the part ends with the joint velocities of this phase. Otherwise it ends at
             rest.
@@ -170,14 +175,23 @@ class Phase:
         )
 
     def speeds_along(self, path: JointPath) -> tuple[float, float]:
-        """Return ds/dt at both ends of a path, 1/s, for the velocities at the ends of the phase."""
+        """Return the path speed ds/dt at both ends of a path, 1/s.
+
+        It follows from the joint velocities at both ends of the phase.
+
+        Parameters
+        ----------
+        path : JointPath
+            Joint path q(s) with the path parameter s from 0 to 1, between the ends of the phase.
+        """
         return path.speed_at(0.0, self.qd_start), path.speed_at(1.0, self.qd_end)
 
     @property
     def branch(self) -> int | None:
-        """Branch of the inverse kinematics of a given path in task coordinates: +1 or −1.
+        """Branch of a given path in task coordinates: +1 or −1. None for any other phase.
 
-        None for any other phase.
+        The branch is the one of the two solutions of the inverse kinematics on which the path
+        stays.
         """
         return self.path.branch if isinstance(self.path, (ClosedPath, BlendedPath)) else None
 
@@ -185,14 +199,16 @@ class Phase:
 def task_at_end(mechanism: Mechanism, points: Array, start: Array) -> Array:
     """Return the task coordinates (4,) at the last of several joint positions.
 
-    Roll and spin are counted continuously from the first position, so they may exceed a whole turn.
+    Roll and spin are followed from point to point without jumps, so they may exceed a whole turn.
 
     Parameters
     ----------
+    mechanism : Mechanism
+        Geometry of the robot.
     points : (n, 4) array
         Joint positions, rad and m.
     start : (4,) array
-        Task coordinates at the first of them.
+        Task coordinates at the first of them, rad and m.
     """
     task = start
     for point in points[1:]:
@@ -201,16 +217,21 @@ def task_at_end(mechanism: Mechanism, points: Array, start: Array) -> Array:
 
 
 def start_configurations(problem: Problem) -> list[Array]:
-    """Return the joint positions (4,) at which the motion may begin, the preferred ones first.
+    """Return the joint positions at which the motion may begin, the preferred ones first.
 
     They are the given joints. If the start is given in other coordinates, they are the solutions of
-    the inverse kinematics on both branches, with whole turns of the revolute joints. Those on the
-    branch of the configuration q = 0 come first.
+    the inverse kinematics on both branches (its two solutions for each pose), with whole turns of
+    the revolute joints. Those on the branch of the configuration q = 0 come first.
 
     Parameters
     ----------
     problem : Problem
         The problem with its start.
+
+    Returns
+    -------
+    list of (4,) arrays
+        Joint positions, rad and m.
 
     Raises
     ------
@@ -229,15 +250,16 @@ def start_configurations(problem: Problem) -> list[Array]:
 
 
 def _with_whole_turns(q: Array) -> list[Array]:
-    """Return all combinations of whole turns of the revolute joints that are close to zero.
+    """Return joint positions with all combinations of whole turns that keep the angles near zero.
 
-    Each angle is taken within half a turn of zero, and once more with a turn to the other side of
-    zero. The combination with the smallest sum of |angles| comes first.
+    Each angle is taken within half a turn of zero, and once more with a whole turn less (if it is
+    positive) or more (if it is negative). The combination with the smallest sum of |angles| comes
+    first.
 
     Parameters
     ----------
     q : (4,) array
-        Joint positions.
+        Joint positions, rad and m.
 
     Returns
     -------
@@ -253,7 +275,7 @@ def _with_whole_turns(q: Array) -> list[Array]:
 
 
 def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
-    """Return the consecutive phases of a problem from a start configuration.
+    """Build the consecutive phases of a problem from a start configuration.
 
     Roll and spin are continuous from phase to phase.
 
@@ -262,7 +284,7 @@ def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
     problem : Problem
         The problem with its motion list.
     q : (4,) array
-        Joint positions at the start.
+        Joint positions at the start, rad and m.
 
     Returns
     -------
@@ -276,6 +298,8 @@ def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
     """
     mechanism = Mechanism.from_robot(problem.robot)
     phases: list[Phase] = []
+    # Joint positions determine roll and spin up to whole turns. A start in task coordinates selects
+    # the turns that it states.
     reference = None
     if isinstance(problem.start, Task):
         reference = complete_task(problem, mechanism, problem.start, np.zeros(4), key="start.tilt")
@@ -293,6 +317,7 @@ def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
         # All phases of an entry have the key of the entry.
         keys += [key] * (len(phases) - len(keys))
     phases = _join_blended_phases(problem, phases, keys)
+    # A free motion that begins or ends at speed must leave its position, even if it returns there.
     at_speed = problem.start_rate or problem.end_rate
     may_return = at_speed and any(isinstance(phase.motion, Free) for phase in phases)
     if not may_return and all(phase.is_at_rest and not phase.motion.duration for phase in phases):
@@ -304,7 +329,7 @@ def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
 
 @record
 class _PhaseBuilder:
-    """Builder of the phases of one entry of the motion list, which begin at a given state."""
+    """Builder of the phases of one entry of the motion list, and the state in which they begin."""
 
     problem: Problem
     """The problem with its robot and limits."""
@@ -321,7 +346,7 @@ class _PhaseBuilder:
         Parameters
         ----------
         motion : Motion
-            Entry of the motion list, except for a scan.
+            Entry of the motion list. Scans must be converted to other motions first.
 
         Returns
         -------
@@ -338,12 +363,15 @@ class _PhaseBuilder:
         return [self._free_phase(motion)]
 
     def _rest_phase(self, motion: Motion) -> Phase:
-        """Build a phase in which the robot rests."""
+        """Build a phase in which the robot rests at the present position."""
         points = np.stack([self.q, self.q])
         return Phase(self.problem, motion, self.start, self.start, points)
 
     def _phase_along(self, motion: Motion, path: JointPath) -> Phase:
-        """Build a phase along a joint path. Its points are the ends and reversals of the path."""
+        """Build the phase of an entry of the motion list along a joint path.
+
+        Its points are the ends of the path and the points at which joints reverse.
+        """
         knots = path.sample(path.directions[0]).q
         end = task_at_end(self.mechanism, knots, self.start)
         return Phase(self.problem, motion, self.start, end, knots, path=path)
@@ -364,7 +392,8 @@ class _PhaseBuilder:
         Returns
         -------
         Phase
-            The phase. The robot rests in it if the target is the start.
+            The phase with its path. If the target is the present position, the robot rests in the
+            phase.
         """
         key = "to" if motion_key(motion) in SINGLE_COORDINATE_MOTIONS else "to.tilt"
         end = complete_task(self.problem, self.mechanism, motion.to, self.start, key=key)
@@ -385,7 +414,8 @@ class _PhaseBuilder:
         Returns
         -------
         Phase
-            The phase without a given path. The robot rests in it if all points are the start.
+            The phase without a given path. If all points are the present position, the robot rests
+            in the phase.
         """
         points, at_target = [self.q], self
         for _, _, at_target in self.targets(motion):
@@ -398,7 +428,8 @@ class _PhaseBuilder:
     def targets(self, motion: Free) -> "Iterator[tuple[Point, _PhaseBuilder, _PhaseBuilder]]":
         """Yield the targets of a free motion with the states before and at each of them.
 
-        If the spin of the last target is free, the target gets the spin before it.
+        The targets are the via points (between start and end) and the end. If the spin at the end
+        is free, the spin before it is kept.
 
         Parameters
         ----------
@@ -410,7 +441,7 @@ class _PhaseBuilder:
         target : Point
             Via point or end of the motion.
         before, at_target : _PhaseBuilder
-            Builders whose phases begin at the previous target and at this one.
+            The states as builders, whose phases begin at the previous target and at this one.
         """
         before = self
         for k, target in enumerate((*motion.through, motion.to)):
@@ -423,7 +454,7 @@ class _PhaseBuilder:
             before = at_target
 
     def _joints_at_target(self, target: Point) -> Array:
-        """Return the joint positions (4,) at a target of a free motion.
+        """Return the joint positions at a target of a free motion.
 
         They are the given ones, or the solution of the inverse kinematics that is nearest to the
         present joint positions. The inverse kinematics has two solutions (branches +1 and −1).
@@ -439,6 +470,11 @@ class _PhaseBuilder:
         -------
         (4,) array
             Joint positions, rad and m.
+
+        Raises
+        ------
+        ProblemError
+            If the mechanism cannot reach the target.
         """
         if isinstance(target, Joints):
             return np.array(target.values)
@@ -451,13 +487,16 @@ class _PhaseBuilder:
         return np.array(solutions.joints[0, int(np.argmax(usable))])
 
     def solutions(self, target: Point) -> Solutions:
-        """Return all inverse-kinematics solutions of a target, those nearest to `q` first."""
+        """Return all inverse-kinematics solutions of a target, those nearest to `q` first.
+
+        The target is given in task coordinates or as a position of the tip.
+        """
         return _inverse_solutions(self.problem, self.mechanism, target, self.start, self.q)
 
     def _curve_phases(self, motion: Follow) -> list[Phase]:
         """Build the phases of a motion along a curve.
 
-        If the robot is not at the beginning of the curve, a free motion there comes first.
+        If the robot is not at the beginning of the curve, a free motion to it comes first.
 
         Parameters
         ----------
@@ -473,6 +512,7 @@ class _PhaseBuilder:
         beginning = curve.beginning
         phases: list[Phase] = []
         builder = self
+        # `beginning` is the same object as `q` if the robot is there already.
         if beginning is not self.q:
             builder = self._builder_at(beginning)
             name = f"{motion.name}, approach"
@@ -486,8 +526,7 @@ class _PhaseBuilder:
     def _spline_phases(self, motion: Follow, points: Array) -> list[Phase]:
         """Build the phases through the points of a spline or table.
 
-        A table whose polyline has corners is divided into smooth curves, and the robot stops
-        between them.
+        A table is divided at its corners into smooth curves, and the robot stops between them.
 
         Parameters
         ----------
@@ -501,6 +540,7 @@ class _PhaseBuilder:
         list of Phase
             One phase for each smooth curve, in the order of time.
         """
+        # Divided by the velocity limits, rad and m become comparable.
         scale = self.problem.robot.velocities
         if len(points) == 1:
             return [self._rest_phase(motion)]
@@ -518,7 +558,8 @@ class _PhaseBuilder:
     def _tip_phase(self, motion: Follow) -> Phase:
         """Build the phase in which the tip follows a line or an arc.
 
-        If the tip stays at one point, the joints move in a straight line, or rest.
+        If the line passes the remote centre along the tool axis, joints 3 and 4 move in a straight
+        line instead.
 
         Parameters
         ----------
@@ -528,9 +569,11 @@ class _PhaseBuilder:
         Returns
         -------
         Phase
-            The phase with its path. The robot rests in it if neither the tip nor a joint moves.
+            The phase with its path. If neither the tip nor a joint moves, the robot rests in the
+            phase.
         """
-        # Joint positions (4,) in place of a path mean that the curve has no length.
+        # Joint positions (4,) in place of a path are those at the end: `q`, or positions that only
+        # joints 3 and 4 have to move to.
         path = CurveFollower(self.problem, self.mechanism, motion, self.start, self.q).tip_path()
         if isinstance(path, JointPath):
             return self._phase_along(motion, path)
@@ -551,7 +594,7 @@ def _join_blended_phases(problem: Problem, phases: list[Phase], keys: list[str])
     phases : list of Phase
         Phases (entries of the motion list with their joint positions) in the order of time.
     keys : list of str
-        Keys of the phases' motions in the problem file, for error messages.
+        Key in the problem file of the motion of each phase, for error messages.
 
     Returns
     -------
@@ -569,21 +612,21 @@ def _join_blended_phases(problem: Problem, phases: list[Phase], keys: list[str])
 
 
 def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phase:
-    """Join the paths of several phases to one phase, and round the corners between them.
+    """Join the paths of consecutive phases to one phase, and round the corners between them.
 
     Parameters
     ----------
     problem : Problem
         The problem, for its file name.
     chain : list of Phase
-        Consecutive phases.
+        The phases. All but the last one have a motion with a rounded corner (`blend`) at its end.
     keys : list of str
-        Keys of their motions in the problem file.
+        Key in the problem file of the motion of each phase, for error messages.
 
     Returns
     -------
     Phase
-        The joined phase, or the only phase of a chain of one.
+        The joined phase. A single phase is returned unchanged.
 
     Raises
     ------
@@ -592,11 +635,13 @@ def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phas
     """
     if len(chain) == 1:
         return chain[0]
+    # `blend` is the distance from the corner at the end of a motion, so the last one has none.
     distances = [getattr(phase.motion, "blend", 0.0) for phase in chain[:-1]]
     pieces = []
     try:
         for k, phase in enumerate(chain):
             if not isinstance(phase.path, ClosedPath):
+                # The key is the index of the corner before this motion, as in `blend_pieces`.
                 raise ProblemError(
                     "a motion without length cannot have a rounded corner",
                     key=str(max(k - 1, 0)),
@@ -605,13 +650,14 @@ def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phas
             pieces.append(phase.path)
         path = blend_pieces(pieces[0].mechanism, pieces, distances)
     except ProblemError as error:
-        # The key of the error is the index of the corner.
+        # The index of the corner in `error.key` is replaced by the place in the problem file.
         k = int(error.key or 0)
         error.file = problem.file
         error.line = chain[k].motion.line
         error.key = f"{keys[k]}.blend"
         error.value = f"{1e3 * distances[k]:g} mm"
         raise
+    # dict.fromkeys removes repeated names and keeps the order.
     name = " + ".join(dict.fromkeys(phase.motion.name for phase in chain))
     motion = replace(chain[0].motion, name=name)
     points = path.sample(path.directions[0]).q
@@ -626,13 +672,19 @@ def straight_path(
     Parameters
     ----------
     problem : Problem
-        The problem, for the joints that have drives.
+        The problem, whose robot tells which joints have drives.
     mechanism : Mechanism
         Geometry of the robot.
     start, end : (4,) arrays
         Task coordinates at both ends, rad and m.
     q : (4,) array
-        Joint positions at the start. The path stays on their branch of the inverse kinematics.
+        Joint positions at the start, rad and m. The path stays on their branch, that is, on their
+        one of the two solutions of the inverse kinematics.
+
+    Returns
+    -------
+    StraightPath
+        The path q(s) with the path parameter s from 0 to 1.
     """
     branch = int(mechanism.branch_of(q))
     driven = driven_joints(problem)
@@ -640,18 +692,18 @@ def straight_path(
 
 
 def reversal_ranges(phase: Phase, points: Array) -> Array:
-    """Return the ranges in which joints may reverse on a free motion.
+    """Return the ranges of joint positions in which joints may reverse on a free motion.
 
-    They are the ranges of the joints. Those of joints 2 and 4 are narrowed by the ranges of tilt
-    and depth, each of which depends on one of these joints alone. All ranges contain the points of
-    the motion.
+    They are the ranges of the joints. The ranges of tilt and depth narrow those of joints 2 and 4,
+    because each of these coordinates depends on one joint alone. All ranges are widened where
+    necessary to contain the points of the motion.
 
     Parameters
     ----------
     phase : Phase
         Entry of the motion list whose path the solver chooses (a free motion).
     points : (k, 4) array
-        Joint positions at its points.
+        Joint positions at its points, rad and m.
 
     Returns
     -------
@@ -660,13 +712,16 @@ def reversal_ranges(phase: Phase, points: Array) -> Array:
     """
     problem, mechanism = phase.problem, phase.mechanism
     ranges = np.array([joint.position for joint in problem.robot.joints]).T
+    # The position of joint 4 is the depth, or its negative.
     depth = np.sort(mechanism.insertion_sign * np.array(problem.ranges["depth"]))
     ranges[:, 3] = max(ranges[0, 3], depth[0]), min(ranges[1, 3], depth[1])
     low, high = problem.ranges.get("tilt", (-np.inf, np.inf))
     branches = set(mechanism.branch_of(points).tolist())
-    # On each branch tilt is a monotone function of joint 2 alone.
+    # On each branch, tilt is a monotone function of joint 2 alone and keeps its sign. The range of
+    # tilt then limits joint 2, unless it contains both signs or the motion changes the branch.
     if low * high > 0 and max(abs(low), abs(high)) < np.pi and len(branches) == 1:
         ends = np.sort(theta2_from_tilt(mechanism, np.array([low, high]), *branches))
+        # Whole turns move the range to the one that contains the start.
         ends += 2 * np.pi * np.round((points[0, 1] - ends.mean()) / (2 * np.pi))
         ranges[:, 1] = max(ranges[0, 1], ends[0]), min(ranges[1, 1], ends[1])
     return np.stack(
@@ -678,19 +733,19 @@ def alternative_joints(phase: Phase, index: int) -> list[Array]:
     """Return other joint positions within their ranges that reach a target of a free motion.
 
     They differ from the present ones by the branch (the inverse kinematics has two solutions, the
-    branches +1 and −1), and by whole turns of the revolute joints.
+    branches +1 and −1), or by whole turns of the revolute joints.
 
     Parameters
     ----------
     phase : Phase
         Entry of the motion list whose path the solver chooses (a free motion).
     index : int
-        Index of the target. The targets are the via points and the end.
+        Index of the target. The targets are the via points (between start and end) and the end.
 
     Returns
     -------
     list of (4,) arrays
-        Joint positions. Empty if the problem gives the target in joint coordinates.
+        Joint positions, rad and m. Empty if the problem gives the target in joint coordinates.
     """
     assert isinstance(phase.motion, Free)
     builder = _PhaseBuilder(phase.problem, phase.mechanism, phase.start, phase.q_start)
@@ -725,15 +780,17 @@ def _inverse_solutions(
     target : Task or Tip
         The target. A position of the tip must lie in the range of depth.
     defaults : (4,) array
-        Task coordinates that replace omitted ones.
+        Task coordinates that replace omitted ones, rad and m.
     reference : (4,) array or None
-        Joint positions. The solutions nearest to them come first.
+        Joint positions, rad and m. The solutions nearest to them come first, and those within the
+        ranges of the joints are marked as valid. None: the ranges are not tested, and the solutions
+        keep the order of the inverse kinematics.
 
     Returns
     -------
     Solutions
-        Joint positions on both branches of the inverse kinematics, and which of them reach the
-        target.
+        Joint positions on both branches, that is, for both solutions of the inverse kinematics, and
+        which of them reach the target.
 
     Raises
     ------
@@ -777,9 +834,9 @@ def _cached_inverse_task(
 ) -> Solutions:
     """Solve the inverse kinematics of one target, and cache the result for repeated targets.
 
-    The planner asks for the same target several times, for example when it compares joint
-    positions at the start. The cache saves 28 % of the CPU time of the problem `waypoints`. A cache
-    needs hashable arguments, so arrays are passed as tuples.
+    The planner asks for the same target several times, for example when it compares joint positions
+    at the start. The cache saves 28 % of the CPU time of the problem `waypoints`. A cache needs
+    hashable arguments, so arrays are passed as tuples.
 
     Parameters
     ----------
@@ -788,13 +845,15 @@ def _cached_inverse_task(
     task : tuple of 4 floats
         Task coordinates roll, tilt, spin (rad) and depth (m) of the target.
     limits : tuple of 4 pairs of floats, or None
-        Smallest and largest position of each joint. Solutions outside count as not valid.
+        Smallest and largest position of each joint, rad and m. Solutions outside count as not
+        valid.
     reference : tuple of 4 floats, or None
-        Joint positions. The solutions nearest to them come first.
+        Joint positions, rad and m. The solutions nearest to them come first.
 
     Returns
     -------
     Solutions
-        Joint positions on both branches of the inverse kinematics, and which of them are valid.
+        Joint positions on both branches, that is, for both solutions of the inverse kinematics, and
+        which of them are valid.
     """
     return inverse_task(mechanism, [task], limits=limits, reference=reference)

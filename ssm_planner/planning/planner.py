@@ -2,8 +2,8 @@
 
 A phase is an entry of the problem's motion list with its joint positions. A candidate is one way to
 move a phase, for example directly or with a rest in between. `plan_motion` is the main entry. It
-builds the phases, tests them without a solver, and searches the fastest candidate of each phase.
-`pipeline/certified.py` calls it and checks the result.
+builds the phases, tests them without a solver, and searches for the fastest candidate of each
+phase. `pipeline/certified.py` calls it and checks the result.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,11 +41,11 @@ class PlannerResult:
     trajectory: Trajectory | None
     """Motion of the whole problem. None if a phase has no motion."""
     phases: tuple[PlannedPhase, ...]
-    """Phases that were planned before the first failure."""
+    """Phases with their motions. After a failure, those before the phase that has no motion."""
     reason: Reason | None
     """Why there is no motion. None if there is one."""
     candidates: tuple[tuple[CandidateEntry, ...], ...] = ()
-    """Candidates of every planned phase, as `Evaluation.to_dict` returns them."""
+    """Candidates (ways to move) of every phase that was searched, see `Evaluation.to_dict`."""
 
 
 def plan_motion(
@@ -58,10 +58,11 @@ def plan_motion(
     may_reverse: bool = True,
     work: Work | None = None,
 ) -> PlannerResult:
-    """Plan every phase of a problem and join the motions.
+    """Plan every phase (entry of the motion list) of a problem, and join their motions.
 
     Each phase starts and ends at rest, except for the rates that the problem states at both ends.
-    If the problem requests a total duration, the fastest motion of each phase determines its share.
+    If the problem requests a total duration, the phases share it in proportion to the durations of
+    their fastest motions.
 
     Parameters
     ----------
@@ -70,15 +71,17 @@ def plan_motion(
     strict : Robot or None
         The problem's robot with tighter limits, which the motion must keep. None: its own limits.
     progress : callable
-        Called with a message for every phase.
+        Called with a `Step` for every phase.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time, as in `elements.rows.LIMIT_SIZES`.
+        Weights of the heat of the motors: the seconds of duration that are worth one second of a
+        motor at its nominal torque (`elements.rows.LIMIT_SIZES`). None: heat does not count.
     may_overheat : bool
-        True if a motion is planned even if a bound shows that a motor cannot stay cool enough.
+        True to plan a motion even if a bound shows that a motor cannot stay cool enough.
     may_reverse : bool
-        True if joints may reverse between points to save time.
+        True if joints may reverse between points to save time. Without effect if the problem limits
+        the distance to stop.
     work : Work or None
-        Counter of the work of all solvers.
+        Counter of the work of all solvers. None: a new counter.
 
     Returns
     -------
@@ -93,6 +96,8 @@ def plan_motion(
     robot = with_corners(problem, problem.robot)
     problem = unchecked_copy(problem, robot=robot)
     strict = unchecked_copy(strict or robot, corners=robot.corners, lightest=robot.lightest)
+    # The limit on the distance to stop is applied afterwards (`limit_stop_travel`). Reversals that
+    # save time before it need not save any after it.
     may_reverse = may_reverse and problem.stop_travel is None
     work = work or Work()
 
@@ -116,18 +121,19 @@ def _plan_phases(planners: list[PhasePlanner], progress: Progress) -> PlannerRes
     Parameters
     ----------
     planners : list of PhasePlanner
-        One planner for each phase.
+        One planner for each phase (entry of the motion list).
     progress : callable
-        Called with a message for every phase.
+        Called with a `Step` before every phase.
 
     Returns
     -------
     PlannerResult
-        The trajectory and its phases, or the phases before the first failure and its reason.
+        The trajectory and its phases. After a failure, its reason and the phases before it.
     """
     solutions: list[PlannedPhase] = []
     entries = []
     for k, planner in enumerate(planners):
+        # 0 stands for a step that counts no items.
         count = len(planners) if len(planners) > 1 else 0
         progress(Step(planner.phase.motion.name, k, count))
         solution, evaluations = plan_phase(planner)
@@ -140,7 +146,7 @@ def _plan_phases(planners: list[PhasePlanner], progress: Progress) -> PlannerRes
 
 
 def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[PhaseEvaluation]]:
-    """Search the fastest motion of a phase among its candidates.
+    """Search for the fastest motion of a phase among its candidates, that is, its ways to move.
 
     Parameters
     ----------
@@ -152,12 +158,13 @@ def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[Phase
     result : PlannedPhase or Reason
         The phase with its fastest motion, or the reason why it has none.
     evaluations : list of Evaluation
-        All candidates with their results. Empty if the robot rests, or if a motor is too weak to
-        brake.
+        All candidates with their results. Empty if the robot rests, or if a motor is too weak for
+        the velocity at the start of a free motion.
     """
     phase = planner.phase
     if phase.is_at_rest:
         return planned_rest(phase), []
+    # This test is only made for free motions.
     reason = check_braking_torque(phase) if phase.path is None else None
     return (
         (reason, []) if reason is not None else find_fastest(CANDIDATE_KINDS, planner, planner.work)
@@ -172,25 +179,27 @@ def join_phases(phases: Sequence[PlannedPhase]) -> Trajectory:
 
 
 def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | None = None) -> float:
-    """Estimate how long a motion of a problem takes, s.
+    """Estimate how long the motion of a problem takes, s.
 
-    The structured solver alone computes the estimate, without additional reversals. The search
-    over other joints at a target uses it to compare problems.
+    The structured solver alone computes the estimate, without additional reversals. The search over
+    other joints at a target uses it to compare problems.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     cutoff : float
-        Duration in s from which on a motion is of no use.
+        Duration in s. Only shorter motions are of use, so the estimate ends once its sum reaches
+        this value.
     work : Work or None
-        Counter of the work.
+        Counter of the work. None: a new counter.
 
     Returns
     -------
     float
-        The requested duration of the problem, or else the sum of the estimates of all phases.
-        Infinite if the motion would not be shorter than `cutoff`, or if a phase has no motion.
+        The requested duration of the problem, or else the sum of the estimates of all phases
+        (entries of the motion list). Infinite if the motion would not be shorter than `cutoff`, if
+        it cannot keep the requested duration, or if a phase has no motion.
     """
     of_time = unchecked_copy(problem, objective="time")
     phases, reason = feasible_phases(of_time)
@@ -221,7 +230,7 @@ def _with_durations(
     """Give the phases durations that add up to the requested duration of the problem.
 
     Phases with a duration of their own keep it. The others share the remaining time in proportion
-    to the durations of their fastest motions.
+    to the durations of their fastest motions, which are planned for this purpose.
 
     Parameters
     ----------
@@ -232,7 +241,7 @@ def _with_durations(
     planner : callable
         Returns the planner of a phase.
     progress : callable
-        Called with a message for every phase.
+        Called with a `Step` for every phase.
 
     Returns
     -------
@@ -252,6 +261,7 @@ def _with_durations(
             return phases, result
         fastest.append(0.0 if result is None else result.duration)
     free, needed = duration - given, sum(fastest)
+    # No phase can take more time, because each has a duration of its own or does not move.
     if needed == 0.0:
         agrees = abs(free) <= EQUALITY_TOLERANCE * duration
         return phases, None if agrees else duration_sum_reason(duration, given)
@@ -265,7 +275,17 @@ def _with_durations(
 
 
 def with_duration(motion: Motion, duration: float) -> Motion:
-    """Return a motion with a duration, s, unless it has one, is a scan, or does not move."""
+    """Return a motion with a requested duration, unless it already has one or cannot have one.
+
+    A scan, and a motion of no length (duration 0), cannot have one. They are returned unchanged.
+
+    Parameters
+    ----------
+    motion : Motion
+        Entry of the motion list.
+    duration : float
+        Duration, s.
+    """
     if motion.duration is not None or isinstance(motion, Scan) or not duration:
         return motion
     return replace(motion, duration=duration)

@@ -1,9 +1,9 @@
 """Scans of the retina as sequences of free motions and dwells at spots.
 
-The tip keeps a constant distance from the retina. The pattern of spots is defined in the tangent
-plane of the retina at the point where the tool axis meets it in the middle of the pattern. Its rows
-run in the direction in which roll turns the tool. The spots are projected onto the spherical retina
-from its centre. The tool always passes through the remote centre, and it points at each spot.
+The tip keeps a constant distance from the retina. The pattern of spots is defined in a plane that
+touches the retina where the tool axis meets it in the middle of the pattern. Its rows run in the
+direction in which roll turns the tool. The spots are projected onto the spherical retina from its
+centre. The tool always passes through the remote centre, and it points at each spot.
 """
 
 from dataclasses import replace
@@ -44,12 +44,13 @@ def scan_motions(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -
     scan : Scan
         Entry of the motion list.
     q : (4,) array
-        Joint positions before the scan.
+        Joint positions before the scan, rad and m.
 
     Returns
     -------
     list of Motion
-        Free motions to the spots, or through all spots of a ring or raster, and dwells.
+        Free motions and dwells in the order of time. A free motion leads to one spot, or through
+        all spots of a ring or raster.
 
     Raises
     ------
@@ -66,6 +67,7 @@ def scan_motions(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -
     spots_by_run = (spots_on_retina(eye, axis, side, plane) for plane in spots_in_plane(scan))
     runs = [tips_over_retina(problem, scan, spots, scan.distance) for spots in spots_by_run]
     spin = float(task[2])
+    # All rings together form one run, so that the order may change between them.
     if scan.order == "fastest":
         tips = np.concatenate(runs)
         runs = [tips[_fast_spot_order(problem, mechanism, tips, spin, q)]]
@@ -78,9 +80,9 @@ def scan_motions(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -
 
 
 def spots_in_plane(scan: Scan) -> list[Array]:
-    """Return the spots of a scan in the tangent plane, m, in the order of the motion.
+    """Return the spots of a scan in the tangent plane of the retina, in the order of the motion.
 
-    There is one array (n, 2) for each ring, or one for a raster.
+    The origin is the middle of the pattern.
 
     Parameters
     ----------
@@ -90,7 +92,7 @@ def spots_in_plane(scan: Scan) -> list[Array]:
     Returns
     -------
     list of (n, 2) arrays
-        Spots of each ring, or of the raster, m.
+        Spots of each ring, or of the raster, m. The first coordinate runs along the rows.
     """
     if scan.diameters:
         return [_ring_spots(diameter, scan.spacing) for diameter in scan.diameters]
@@ -120,12 +122,12 @@ def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
         Direction of the first coordinate of the plane. Its component normal to the plane is
         removed.
     plane : (n, 2) array
-        Spots in the plane, m.
+        Spots in the plane, m, with the middle of the pattern as origin.
 
     Returns
     -------
     (n, 3) array
-        Points of the retina, m, in the frame of the remote centre.
+        Points of the retina, m. The origin is the remote centre.
     """
     middle = _exit_depths(eye, axis[None, :], eye.radius)[0] * axis
     normal = (middle - eye.centre) / eye.radius
@@ -138,7 +140,7 @@ def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
 
 
 def _ring_spots(diameter: float, spacing: float) -> Array:
-    """Return evenly spaced spots on a circle about the origin, (n, 2), m.
+    """Return evenly spaced spots on a circle about the origin, (n, 2), m. There are at least 3.
 
     Parameters
     ----------
@@ -154,16 +156,24 @@ def _ring_spots(diameter: float, spacing: float) -> Array:
 
 
 def _exit_depths(eye: Eye, axis: Array, radius: float) -> Array:
-    """Return the depths (n,) in m at which rays from the remote centre leave a sphere.
+    """Return the depths at which rays from the remote centre leave a sphere.
+
+    The depth t of the unit vector a satisfies |t a − c| = R, with the centre c and the radius R of
+    the sphere. The larger solution is t = a · c + √((a · c)² − |c|² + R²).
 
     Parameters
     ----------
     eye : Eye
-        The eye, whose centre is the centre of the sphere.
+        The eye, whose centre is the centre of the sphere. The remote centre is the origin.
     axis : (n, 3) array
         Unit vectors of the rays.
     radius : float
-        Radius of the sphere, m. The depth is NaN if a ray misses the sphere.
+        Radius of the sphere, m.
+
+    Returns
+    -------
+    (n,) array
+        Depths, m. NaN where the ray and its extension backwards miss the sphere.
     """
     projection = axis @ eye.centre
     with np.errstate(invalid="ignore"):
@@ -179,7 +189,7 @@ def complete_task(
     key: str = "tilt",
     file: str | None = None,
 ) -> Array:
-    """Return the task coordinates (4,) of a target.
+    """Return the task coordinates of a target, with default values for omitted coordinates.
 
     Parameters
     ----------
@@ -190,11 +200,11 @@ def complete_task(
     target : Task
         The target.
     defaults : (4,) array
-        Task coordinates that replace omitted ones.
+        Task coordinates that replace omitted ones, rad and m.
     key : str
         Key of the tilt in the file, for error messages.
     file : str or None
-        File. None for the problem's own file.
+        File of the target, for error messages. None for the problem's own file.
 
     Returns
     -------
@@ -224,7 +234,9 @@ def complete_task(
 
 
 def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: float) -> Array:
-    """Return the positions of the tip (n, 3) in m at a distance from the retina.
+    """Return the positions of the tip at a given distance from the retina, in given directions.
+
+    The tool passes through the remote centre and points in each of the directions.
 
     Parameters
     ----------
@@ -240,7 +252,7 @@ def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: f
     Returns
     -------
     (n, 3) array
-        Positions of the tip in the frame of the remote centre, m.
+        Positions of the tip, m. The origin is the remote centre.
 
     Raises
     ------
@@ -267,7 +279,8 @@ def _run_motions(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
     """Return the motions that visit the spots of one run, with dwells if the scan has any.
 
     A run is one ring, or all spots of a raster. Without dwells, the tip passes through the spots in
-    one motion. A ring in its given order ends at its first spot.
+    one motion, after a motion to the first of them. A ring in its given order ends at its first
+    spot.
 
     Parameters
     ----------
@@ -297,7 +310,20 @@ def _run_motions(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
 
 
 def tool_axis(mechanism: Mechanism, task: Array) -> Array:
-    """Return the unit vector (1, 3) of the tool's direction at task coordinates (4,)."""
+    """Return the unit vector of the tool's direction at given task coordinates.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Geometry of the robot.
+    task : (4,) array
+        Roll, tilt and spin, rad. The depth is not used.
+
+    Returns
+    -------
+    (1, 3) array
+        Unit vector.
+    """
     # The tip at a depth of 1 m is a unit vector from the remote centre.
     return pose_from_task(mechanism, [[*task[:3], 1.0]])[1]
 
@@ -305,11 +331,10 @@ def tool_axis(mechanism: Mechanism, task: Array) -> Array:
 def _fast_spot_order(
     problem: Problem, mechanism: Mechanism, tips: Array, spin: float, q: Array
 ) -> Indices:
-    """Return the order in which the tip visits all given positions in a short time.
+    """Find an order in which the tip visits all given positions in a short time.
 
-    The duration from one position to another is that of a motion from rest to rest, for which the
-    slowest joint or the speed of the tip decides. Spots that the robot cannot reach on its present
-    branch cause an error later.
+    The time from one position to another is that of a motion from rest to rest. The slowest joint
+    or the speed of the tip determines it. The order is found by `search_short_tour`.
 
     Parameters
     ----------
@@ -322,15 +347,17 @@ def _fast_spot_order(
     spin : float
         Spin at all positions, rad.
     q : (4,) array
-        Joint positions at the start.
+        Joint positions at the start, rad and m.
 
     Returns
     -------
     (n,) int array
-        Indices of the positions in their order.
+        Indices of the positions in the order of the visits.
     """
     limits = np.array([joint.position for joint in problem.robot.joints])
     solutions = inverse_tip(mechanism, tips, spin, limits=limits, reference=q)
+    # First solution of each position on the present branch (one of the two solutions of the inverse
+    # kinematics). A position without one gets column 0, and causes an error later.
     column = np.argmax(solutions.valid & (solutions.branch == mechanism.branch_of(q)), axis=1)
     joints = np.vstack([q, solutions.joints[np.arange(len(tips)), column]])
     positions = np.vstack([tip_position(mechanism, q[None]), tips])
@@ -344,23 +371,26 @@ def _fast_spot_order(
 def search_short_tour(times: Array) -> Indices:
     """Search for a short tour from place 0 through all others (travelling salesman problem).
 
-    The search improves several tours: the places in their given order, and nearest-neighbour tours
-    that begin at one of the `TOUR_STARTS` places nearest to place 0. It applies 2-opt (a part of
-    the tour is reversed) and Or-opt (up to three consecutive places are moved) until neither helps,
-    and returns the shortest tour.
-
-    Source: D. S. Johnson, L. A. McGeoch, The Traveling Salesman Problem: A Case Study in Local
-    Optimization, 1997.
+    A tour is an order of the places. It ends at the last place and does not return to place 0. The
+    search improves several tours: the places in their given order, and tours that begin at one of
+    the `TOUR_STARTS` places nearest to place 0 and always continue to the nearest place. It applies
+    2-opt (a part of the tour is reversed) and Or-opt (up to three consecutive places are moved)
+    until neither helps, and returns the shortest tour.
 
     Parameters
     ----------
     times : (n, n) array
-        Symmetric table of the times between places.
+        Symmetric table of the times between places, s.
 
     Returns
     -------
     (n − 1,) int array
         Order in which the tour visits the places 1 … n − 1. Their indices are counted from 0.
+
+    Notes
+    -----
+    Source: D. S. Johnson, L. A. McGeoch, The Traveling Salesman Problem: A Case Study in Local
+    Optimization, 1997.
     """
     nearest = np.argsort(times[0, 1:])[:TOUR_STARTS] + 1
     tours = [np.arange(len(times)), *(_nearest_neighbour_tour(times, int(k)) for k in nearest)]
@@ -370,12 +400,12 @@ def search_short_tour(times: Array) -> Indices:
 
 
 def _nearest_neighbour_tour(times: Array, first: int) -> Indices:
-    """Return the tour that always continues to the nearest place which it has not visited.
+    """Build the tour that always continues to the nearest place which it has not visited.
 
     Parameters
     ----------
     times : (n, n) array
-        Times between places.
+        Times between places, s.
     first : int
         Place that the tour visits after place 0, at which it begins.
 
@@ -394,14 +424,17 @@ def _nearest_neighbour_tour(times: Array, first: int) -> Indices:
 
 
 def _improve_tour(tour: Indices, times: Array) -> Indices:
-    """Improve an open tour by 2-opt and Or-opt until neither shortens it.
+    """Improve a tour by 2-opt and Or-opt until neither shortens it.
+
+    2-opt reverses a part of the tour, and Or-opt moves up to three consecutive places. The tour
+    begins at its first place and may end anywhere.
 
     Parameters
     ----------
     tour : (n,) int array
         Indices of the places in their order. The first place stays where it is.
     times : (n, n) array
-        Times between places.
+        Times between places, s.
 
     Returns
     -------
@@ -418,6 +451,7 @@ def _improve_tour(tour: Indices, times: Array) -> Indices:
         for i in range(1, n - 1):
             # Reverse the places i … j.
             j = np.arange(i + 1, n)
+            # Time that is saved for each j: two ways are replaced by two others.
             gain = times[tour[i - 1], tour[i]] + times[tour[j], tour[j + 1]]
             gain = gain - times[tour[i - 1], tour[j]] - times[tour[i], tour[j + 1]]
             if gain.max() > ROUNDING_TOLERANCE:
@@ -430,18 +464,18 @@ def _improve_tour(tour: Indices, times: Array) -> Indices:
 
 
 def _move_run(tour: Indices, i: int, length: int, times: Array) -> Indices:
-    """Move a run of consecutive places to the position in the tour at which it costs least.
+    """Move a run of consecutive places to the position in the tour that shortens it most.
 
     Parameters
     ----------
     tour : (n,) int array
         The tour. Its first and last place do not move.
     i : int
-        Position of the first place of the run.
+        Position in the tour of the first place of the run.
     length : int
         Number of places of the run. It is also tried in reverse.
     times : (n, n) array
-        Times between places.
+        Times between places, s.
 
     Returns
     -------
@@ -450,6 +484,7 @@ def _move_run(tour: Indices, i: int, length: int, times: Array) -> Indices:
     """
     run = tour[i : i + length]
     remaining = np.concatenate([tour[:i], tour[i + length :]])
+    # Time that is saved where the run is taken out, and times that it costs at each other position.
     saved = (
         times[tour[i - 1], run[0]]
         + times[run[-1], tour[i + length]]

@@ -66,8 +66,7 @@ def find_fastest(
     order, solution, begin = count(), None, work.spent
 
     def suggest(evaluation: Evaluation[P, R] | None) -> None:
-        """Add the candidates that are suggested after an evaluation to `evaluations` and `queue`.
-        """
+        """Add the candidates suggested after an evaluation to `evaluations` and `queue`."""
         for kind in kinds:
             for candidate in kind.suggested(planner, evaluation):
                 evaluations.append(Evaluation(candidate, candidate.bound))

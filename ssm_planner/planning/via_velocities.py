@@ -1,13 +1,15 @@
 """Guesses of the velocities at via points, for joints that reverse near a point.
 
-A via point is a given point between the start and the end of a free motion. The velocities of the
-joints there are called via velocities. A joint that is faster than the others may use its spare
-time to pass a via point at speed: it moves beyond the point and returns, or it first moves
-backwards and accelerates towards the point (a run-up). `suggest_via_velocities` finds such joints
-without a solver of the whole problem: it considers each joint as if it were alone, with unknown
-velocities at the via points. Closed forms then give the duration of each segment between two
-points. The velocities that minimise the sum of the durations show at which points a joint should
-pass at speed instead of resting there.
+A via point is a given point between the start and the end of a free motion. A via velocity is the
+velocity of a joint there. A joint that is faster than the others may use its spare time to pass a
+via point at speed. It then moves beyond the point and returns, or it first moves backwards and
+accelerates towards the point (a run-up).
+
+`suggest_via_velocities` finds such joints without a solver of the whole problem. It considers each
+joint as if it were alone, with unknown velocities at the via points. Closed forms then give the
+duration of each segment, that is, of the motion from one point to the next. The velocities that
+minimise the sum of the durations show at which points a joint should pass at speed instead of
+resting there.
 """
 
 import numpy as np
@@ -21,27 +23,30 @@ from ssm_planner.typing import Array, record
 MIN_SAVING = 2e-3
 """Share of the duration that velocities at via points must save, or the planner ignores them.
 
-It is larger than `GAP`, because the closed forms neglect motor torques.
+It is larger than `GAP`, because the closed forms neglect motor torques. With twice the value, a
+motion of the benchmark takes 2.6 % longer (`results/constants.md`).
 """
 MAX_SLSQP_ITERATIONS = 60
 """Largest number of iterations of the optimisation, which computes only a guess."""
 IDLE_TOLERANCE = 5e-4
 """Share of the duration that all velocities that are set to 0 may cost together.
 
-Each velocity that is not 0 forces a reversal, which makes the optimal control problem larger.
+It is a quarter of `MIN_SAVING`, so most of the saving remains. Each velocity that is not 0 forces a
+reversal, which makes the optimal control problem larger.
 """
 
 
 def suggest_via_velocities(phase: Phase) -> Borders | None:
     """Suggest reversals for joints that should pass a via point at speed where they could rest.
 
-    Let d_jk be the displacement of joint j in segment k, and v_jk its unknown velocity at the end
-    of the segment. The least total duration is
+    A segment is the motion from one point to the next. Let d_jk be the displacement of joint j in
+    segment k, and v_jk its unknown velocity at the end of the segment. The least total duration is
 
         min_v Σ_k max_j t(d_jk; v_j,k−1, v_jk),
 
-    where t is the closed form for one joint (`lower_bound.minimum_times`). The minimum is computed
-    twice: with joints that reverse only at the points, and with joints that may reverse anywhere.
+    where t is the shortest time of one joint in closed form (`lower_bound.minimum_times`). The
+    minimum is computed twice: with joints that reverse only at the points, and with joints that may
+    reverse anywhere.
 
     Parameters
     ----------
@@ -56,6 +61,7 @@ def suggest_via_velocities(phase: Phase) -> Borders | None:
     """
     problem = phase.problem
     velocity, acceleration = problem.robot.velocities, problem.robot.accelerations
+    # The rate of depth is the velocity of joint 4.
     velocity[3] = min(velocity[3], problem.rates.get("depth", np.inf))
     displacements = np.diff(phase.points, axis=0)
     joints = _ViaVelocityProblem(
@@ -74,8 +80,8 @@ def suggest_via_velocities(phase: Phase) -> Borders | None:
 class _ViaVelocityProblem:
     """Joints that pass the via points at the same instants, each limited as if it were alone.
 
-    The motion has n segments, one between each pair of consecutive points, so there are n − 1 via
-    points between them.
+    The motion has n segments, one from each point to the next. It therefore has n − 1 via points,
+    which are the points between start and end.
     """
 
     displacements: Array
@@ -88,7 +94,7 @@ class _ViaVelocityProblem:
     """Largest accelerations of the joints, (4,)."""
 
     def times(self, speeds: Array) -> Array:
-        """Return the shortest time that each joint needs for each segment by itself.
+        """Return the shortest time in which each joint alone can cover each segment.
 
         Parameters
         ----------
@@ -106,7 +112,7 @@ class _ViaVelocityProblem:
         )
 
     def duration(self, speeds: Array) -> float:
-        """Return the total duration in s, if the slowest joint decides in every segment.
+        """Return the total duration, s. In every segment, the slowest joint determines the time.
 
         Parameters
         ----------
@@ -116,15 +122,16 @@ class _ViaVelocityProblem:
         return float(self.times(speeds).max(axis=1).sum())
 
     def minimise_duration(self, speeds: Array, *, may_reverse: bool) -> Array:
-        """Minimise the total duration over the joint velocities at the via points.
+        """Find the joint velocities at the via points that minimise the total duration.
 
-        The unknowns are the duration T_k of each segment and the velocities. SLSQP minimises Σ T_k
-        subject to T_k ≥ t_jk for the time t_jk of each joint.
+        The unknowns are the duration T_k of each segment and the velocities. SLSQP, a method of
+        sequential quadratic programming, minimises Σ T_k subject to T_k ≥ t_jk, with the time t_jk
+        that joint j needs for segment k.
 
         Parameters
         ----------
         speeds : (n − 1, 4) array
-            Velocities at which the iteration starts.
+            Velocities at which the iteration starts, rad/s and m/s.
         may_reverse : bool
             True if joints may reverse anywhere. Otherwise a joint that reverses at a point, or that
             rests on one side of it, has velocity 0 there.
@@ -132,14 +139,15 @@ class _ViaVelocityProblem:
         Returns
         -------
         (n − 1, 4) array
-            Velocities at the via points, or `speeds` if nothing is faster.
+            Velocities at the via points, or `speeds` if SLSQP finds nothing faster.
         """
         from scipy.optimize import fmin_slsqp
 
         segments = len(self.displacements)
         limits = np.broadcast_to(self.velocity, speeds.shape)
         signs = np.sign(self.displacements)
-        # A joint that must not reverse has velocity 0 at points where its direction changes.
+        # A joint that must not reverse may only pass a point in the direction that it has on both
+        # sides. Where its direction changes, both bounds are 0.
         forwards = may_reverse | (np.minimum(signs[:-1], signs[1:]) > 0)
         backwards = may_reverse | (np.maximum(signs[:-1], signs[1:]) < 0)
         low, high = np.where(backwards, -limits, 0.0), np.where(forwards, limits, 0.0)
@@ -149,16 +157,22 @@ class _ViaVelocityProblem:
         gradient = np.append(np.ones(segments), np.zeros(speeds.size))
 
         def total_gradient(_: Array) -> Array:
-            """Return the gradient of the objective, the sum of all T_k."""
+            """Return the gradient of the objective Σ T_k, which is constant.
+
+            The argument, the values of the unknowns, is therefore not used.
+            """
             return gradient
 
         def margins(unknowns: Array) -> Array:
-            """Return the constraints T_k − t_jk ≥ 0 of all segments k and joints j, (4 n,)."""
+            """Return the constraints T_k − t_jk ≥ 0 divided by `unit`, (4 n,).
+
+            The joints j of segment 1 come first, then those of segment 2, and so on.
+            """
             times = self.times(unknowns[segments:].reshape(-1, 4) * limits)
             return np.asarray(unknowns[:segments, None] - times / unit).ravel()
 
         def margin_gradients(unknowns: Array) -> Array:
-            """Return the gradients of the constraints, (4 n, unknowns)."""
+            """Return the gradients of `margins` by all unknowns, (4 n, n + 4 (n − 1))."""
             return self._margin_gradients(unknowns[segments:].reshape(-1, 4), unit)
 
         solution = fmin_slsqp(
@@ -175,11 +189,12 @@ class _ViaVelocityProblem:
             acc=EQUALITY_TOLERANCE,
             iprint=0,
         )
+        # SLSQP may return values slightly beyond the bounds.
         result = np.clip(solution[segments:].reshape(-1, 4) * limits, low, high)
         return result if self.duration(result) < self.duration(speeds) else speeds
 
     def _margin_gradients(self, shares: Array, unit: float) -> Array:
-        """Return the derivatives of the margins (T_k − t_jk) / unit by finite differences.
+        """Compute the derivatives of the margins (T_k − t_jk) / unit by finite differences.
 
         T_k is the duration of segment k, and t_jk is the time that joint j needs for it.
 
@@ -194,15 +209,16 @@ class _ViaVelocityProblem:
         -------
         (4 n, n + 4 (n − 1)) array
             Derivatives of the margins. There is one row for each of the 4 joints in each of the n
-            segments. The columns belong to the unknowns: n durations T_k / unit, and the velocities
-            `shares` of 4 joints at n − 1 via points.
+            segments. The columns belong to the unknowns. First come the n durations T_k / unit, and
+            then the velocities `shares` of 4 joints at n − 1 via points.
         """
         n = len(self.displacements)
         times = self.times(shares * self.velocity)
         gradients = np.zeros((n, 4, n + shares.size))
+        # The derivative of the margins of segment k by T_k / unit is 1.
         gradients[np.arange(n), :, np.arange(n)] = 1.0
-        # A velocity only affects the segments before and after its point. The velocities at every
-        # other point can therefore be varied together.
+        # A velocity only affects its own joint in the segments before and after its point. The
+        # velocities of all joints at every other point can therefore be varied together.
         for parity in (0, 1):
             varied = shares.copy()
             varied[parity::2] += EQUALITY_TOLERANCE
@@ -215,15 +231,16 @@ class _ViaVelocityProblem:
     def without_idle_velocities(self, speeds: Array) -> Array:
         """Set velocities at via points to 0 if they save almost no time.
 
-        A velocity at a point at which the joint could rest forces a reversal before or after the
-        point, which makes the optimal control problem larger. The velocities are set to 0 one after
-        the other, the smallest ones first, as long as the duration grows by less than the share
-        `IDLE_TOLERANCE` in all.
+        A joint that passes a point at speed where it could rest must reverse before or after the
+        point. This reversal makes the optimal control problem larger. The velocities are set to 0
+        one after the other, the smallest shares of the limits first. A velocity is kept if the
+        total duration would otherwise exceed that of `speeds` by more than the share
+        `IDLE_TOLERANCE`.
 
         Parameters
         ----------
         speeds : (n − 1, 4) array
-            Joint velocities at the via points.
+            Joint velocities at the via points, rad/s and m/s.
 
         Returns
         -------
