@@ -224,6 +224,7 @@ class CurveFollower:
         """
         if self.motion.file is not None:
             return name
+        # An arc has a single point between start and end, so its key has no index.
         via_key = "through" if self.motion.curve == "arc" else f"through[{k}]"
         return f"{'to' if k == len(self.motion.through) else via_key}.{name}"
 

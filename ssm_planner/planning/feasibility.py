@@ -75,7 +75,18 @@ class _PhaseSamples:
         return cls(phase, phase.path.coarse_samples.s, phase.path.coarse_samples.q)
 
     def location(self, k: int) -> str:
-        """Describe in words where sample k lies on the motion, for messages."""
+        """Describe in words where a sample lies on the motion, for messages.
+
+        Parameters
+        ----------
+        k : int
+            Index of the sample.
+
+        Returns
+        -------
+        str
+            Name of the motion and the place on it, for example "insert, 40 % of the way".
+        """
         name, s = self.phase.motion.name, float(self.s[k])
         if s in (0.0, 1.0):
             return f"{name}, at its {'end' if s else 'start'}"
@@ -84,15 +95,20 @@ class _PhaseSamples:
         return f"{name}, {100 * s:.0f} % of the way"
 
     def refined(self, k: int) -> "_PhaseSamples":
-        """Return as many samples again, from the sample before sample k to the one after it.
+        """Sample the path again, from the sample before sample k to the sample after it.
 
-        If the phase has no given path, it cannot be sampled between its points. The samples are
-        then returned unchanged.
+        The number of samples remains the same. If the phase has no given path, it cannot be sampled
+        between its points, and the samples are returned unchanged.
 
         Parameters
         ----------
         k : int
             Index of a sample.
+
+        Returns
+        -------
+        _PhaseSamples
+            The samples of this part of the path.
         """
         if self.phase.path is None:
             return self
@@ -391,12 +407,14 @@ def replace_by_task_line(phase: Phase) -> Phase | None:
     Returns
     -------
     Phase or None
-        The phase with the line. None in each of these cases: the phase has via points (points
-        between start and end), or begins or ends at speed. The line is the same as in joint
-        coordinates, or does not end at the target joints. A limit forbids a place on the line.
+        The phase with the line. None in these cases:
+
+        - The phase has via points (points between start and end), or begins or ends at speed.
+        - The line is the same as in joint coordinates, or does not end at the target joints.
+        - A limit forbids a place on the line.
     """
-    # Only a change of roll or tilt makes the line differ from the one in joint coordinates.
-    # [:2] are roll and tilt.
+    # The line differs from the one in joint coordinates only if roll or tilt changes. They are the
+    # coordinates [:2].
     lines_differ = np.abs((phase.end - phase.start)[:2]).max() > ROUNDING_TOLERANCE
     if len(phase.points) != 2 or not phase.begins_and_ends_at_rest or not lines_differ:
         return None

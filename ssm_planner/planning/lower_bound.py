@@ -158,7 +158,7 @@ def _single_joint_time(
     """
     steps = np.diff(positions)
     steps = steps[np.abs(steps) > ROUNDING_TOLERANCE]
-    # The displacements between reversals, called runs, replace those between points.
+    # A run is the displacement between two reversals. Runs replace the steps between points.
     reversals = np.flatnonzero(steps[1:] * steps[:-1] < 0) + 1
     runs = np.add.reduceat(steps, np.append(0, reversals)) if len(steps) else np.zeros(1)
     if len(runs) == 1 and not speeds.any():
@@ -297,7 +297,8 @@ def minimum_times(
     is_direct = np.abs(distance - direct_distance) <= ROUNDING_TOLERANCE * (
         1 + np.abs(direct_distance)
     )
-    # A joint whose direct change of velocity takes more than the distance overshoots and returns.
+    # A joint whose direct change of velocity covers more than the distance moves beyond it and
+    # returns. This motion is mirrored once more, so that its peak velocity is positive.
     direction = np.where(distance < direct_distance, -1.0, 1.0)
     distance, start, end = (direction * values for values in (distance, start, end))
     mean_square = (start**2 + end**2) / 2
@@ -334,9 +335,14 @@ class SCurve:
         lengths : (m,) array
             Durations of the pieces, s.
         start, end : (m,) arrays
-            Accelerations at the start and at the end of each piece.
+            Accelerations at the start and at the end of each piece, in rad or m and s.
         speed : float
-            Velocity at the start of the motion.
+            Velocity at the start of the motion, rad/s or m/s.
+
+        Returns
+        -------
+        SCurve
+            The motion with the remaining pieces.
         """
         # Differences of durations have rounding errors of about 1e-16 of the whole duration.
         lasting = lengths > 1e-13 * lengths.sum()
@@ -381,10 +387,15 @@ class SCurve:
         return SCurve(lengths, start, end, self.speed)
 
     def stretched(self, duration: float) -> "SCurve":
-        """Return the motion over the same distance with another duration, s.
+        """Return the motion over the same distance with another duration.
 
         All velocities are divided by the ratio of the durations, and all accelerations by its
         square.
+
+        Parameters
+        ----------
+        duration : float
+            New duration, s.
         """
         factor = duration / self.duration
         return SCurve(
@@ -425,7 +436,8 @@ class SCurve:
         """Cubic polynomials of the position on all m pieces. The fields have the shape (m,)."""
         velocity_changes = self.lengths * (self.start + self.end) / 2
         velocity = self.speed + _cumulative_sums(velocity_changes)[:-1]
-        # Pieces that start at position 0 give the displacements, whose sums are the positions.
+        # Cubics that start at position 0 end at the displacement of their piece. The sums of these
+        # displacements are the positions at which the pieces start.
         from_zero = CubicPiece(0.0, velocity, self.start, self.end, self.lengths)
         return CubicPiece(
             _cumulative_sums(from_zero.end[0])[:-1], velocity, self.start, self.end, self.lengths
@@ -502,6 +514,7 @@ def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) 
     SCurve
         Motion to rest, with the acceleration 0 at its end.
     """
+    # Without a jerk limit, the whole stop is one piece with the largest deceleration.
     if math.isinf(jerk):
         braking = np.array([-math.copysign(limit, speed)])
         return SCurve(np.array([abs(speed) / limit]), braking, braking, speed)
@@ -596,9 +609,12 @@ def _peak_speed_without_cruise(
 ) -> Array:
     """Return the peak velocity v of the fastest motion from rest to rest without a velocity limit.
 
-    Such a motion does not cruise, that is, it has no part at constant velocity. The distance d is v
-    T, with the time T in which the velocity rises to v. If the acceleration reaches its limit a, T
-    = v/a + a/j with the jerk limit j. Otherwise T = 2 √(v/j).
+    Such a motion does not cruise, that is, it has no part at constant velocity. Let T be the time
+    in which the velocity rises to v. Then
+
+        d = v T,
+        T = v/a + a/j   if the acceleration reaches its limit a,
+        T = 2 √(v/j)    otherwise.
 
     Parameters
     ----------
@@ -612,8 +628,8 @@ def _peak_speed_without_cruise(
     array of the broadcast shape
         Peak velocities, rad/s or m/s.
     """
-    # If the peak velocity reaches a²/j, the acceleration reaches its limit a. Then d = v²/a + v a/j
-    # is solved for v, otherwise d = 2 v √(v/j).
+    # The equations of the docstring are solved for v. The acceleration reaches its limit a if v is
+    # at least a²/j.
     limit_speed = acceleration**2 / jerk
     speed = (np.sqrt(limit_speed**2 + 4 * acceleration * distance) - limit_speed) / 2
     with np.errstate(invalid="ignore"):  # 0 · ∞ for a joint at rest without a limit of jerk.

@@ -165,9 +165,9 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
 def check_braking_torque(phase: Phase) -> Reason | None:
     """Return a reason if a motor is too weak for the velocity at which a phase begins, or None.
 
-    The motor is too weak if it needs more than its largest torque for all joint accelerations
-    within the limits. For example, it cannot hold the velocity against a load that resists the
-    motion, so the joint would slow down harder than its limit allows.
+    The motor is too weak if every joint acceleration within the limits needs more than its largest
+    torque. For example, a motor that cannot hold the velocity against a load that resists the
+    motion would let the joint slow down harder than its limit allows.
 
     The needed torque is bounded from below. Let the effort be the torque or force at the output of
     the drive. The motor torque in the direction of motion is convex in the effort, and the effort
@@ -202,6 +202,7 @@ def check_braking_torque(phase: Phase) -> Reason | None:
         for i, drive, _ in motorised_joints(robot.joints):
             sign = float(np.sign(qd[i]))
             if sign:
+                # The drive's own inertia needs the least torque at the largest deceleration.
                 efforts = load[0, i] + np.linspace(-reach[i], reach[i], PATH_SAMPLES)
                 motor_torque, _ = drive_torque(
                     drive, efforts, qd[i], -sign * deceleration_limits[i], sign, breakaway=False

@@ -68,7 +68,7 @@ class PhasePlanner:
     approximate: bool = False
     """True if an estimate of the duration suffices.
 
-    The structured solver then computes the motion in few rounds, and Ipopt is not called.
+    The structured solver then computes the motion in few rounds, without an attempt by Ipopt.
     """
     may_reverse: bool = True
     """True if joints may reverse where they need not, to save time."""
@@ -144,8 +144,8 @@ class PhasePlanner:
         Parameters
         ----------
         borders : Borders or None
-            Positions at which joints may reverse, with a guess. None: joints reverse only where
-            they must.
+            Positions at which joints may reverse, with a guess. None: joints may only reverse at
+            the points of the phase.
         cutoff : float
             Duration in s. A motion that takes longer is returned without further refinement.
         count : int or None
@@ -242,7 +242,7 @@ class PhasePlanner:
             The phase with the motion and a lower bound on its duration, or the reason.
         """
         if not motion.solved:
-            # An estimate only compares durations, so nobody reads the cause.
+            # An estimate only serves to compare durations, so the cause is not needed.
             if self.approximate:
                 return Reason(message=motion.message)
             return explain_failure(self.phase, path, motion.message)
@@ -269,7 +269,7 @@ class PhasePlanner:
             The solution of the last attempt. The field `status` states whether it has a motion.
         """
         method: Method = "estimated" if self.approximate else METHODS[self.problem.planner]
-        # The structured solver needs compiled code.
+        # The structured solver needs compiled code. Without it, Ipopt solves alone.
         solution = solve(method=method if compiled_library() else "Ipopt")
         failed = not solution.solved and solution.solver == "structured"
         return solve(method="Ipopt") if failed and by_ipopt and not self.approximate else solution

@@ -370,7 +370,17 @@ class _PhaseBuilder:
     def _phase_along(self, motion: Motion, path: JointPath) -> Phase:
         """Build the phase of an entry of the motion list along a joint path.
 
-        Its points are the ends of the path and the points at which joints reverse.
+        Parameters
+        ----------
+        motion : Motion
+            Entry of the motion list.
+        path : JointPath
+            Path that begins at the present position.
+
+        Returns
+        -------
+        Phase
+            The phase. Its points are the ends of the path and the points at which joints reverse.
         """
         knots = path.sample(path.directions[0]).q
         end = task_at_end(self.mechanism, knots, self.start)
@@ -489,7 +499,11 @@ class _PhaseBuilder:
     def solutions(self, target: Point) -> Solutions:
         """Return all inverse-kinematics solutions of a target, those nearest to `q` first.
 
-        The target is given in task coordinates or as a position of the tip.
+        Parameters
+        ----------
+        target : Task or Tip
+            Point in task coordinates, or position of the tip. Coordinates that it omits are those
+            of the present position.
         """
         return _inverse_solutions(self.problem, self.mechanism, target, self.start, self.q)
 
@@ -552,6 +566,7 @@ class _PhaseBuilder:
             path = SplinePath(self.mechanism, run, scale, pieces=pieces)
             named_motion = motion if len(runs) == 1 else replace(motion, name=f"{motion.name} {k}")
             phases.append(builder._phase_along(named_motion, path))
+            # The path contains the joint positions, so only the task coordinates are updated.
             builder = replace(self, start=phases[-1].end)
         return phases
 
@@ -605,6 +620,7 @@ def _join_blended_phases(problem: Problem, phases: list[Phase], keys: list[str])
     chain: list[Phase] = []
     for k, phase in enumerate(phases, 1):
         chain.append(phase)
+        # Without a rounded corner at its end, a phase is the last one of its chain.
         if not isinstance(phase.motion, (Straight, Follow)) or phase.motion.blend is None:
             merged.append(_blend_phases(problem, chain, keys[k - len(chain) : k]))
             chain = []
@@ -672,14 +688,14 @@ def straight_path(
     Parameters
     ----------
     problem : Problem
-        The problem, whose robot tells which joints have drives.
+        The problem, whose robot states which joints have drives.
     mechanism : Mechanism
         Geometry of the robot.
     start, end : (4,) arrays
         Task coordinates at both ends, rad and m.
     q : (4,) array
-        Joint positions at the start, rad and m. The path stays on their branch, that is, on their
-        one of the two solutions of the inverse kinematics.
+        Joint positions at the start, rad and m. The path stays on their branch, that is, it follows
+        the same one of the two solutions of the inverse kinematics.
 
     Returns
     -------

@@ -357,10 +357,11 @@ def _fast_spot_order(
     limits = np.array([joint.position for joint in problem.robot.joints])
     solutions = inverse_tip(mechanism, tips, spin, limits=limits, reference=q)
     # First solution of each position on the present branch (one of the two solutions of the inverse
-    # kinematics). A position without one gets column 0, and causes an error later.
+    # kinematics). A position without one gets column 0, which only affects the order.
     column = np.argmax(solutions.valid & (solutions.branch == mechanism.branch_of(q)), axis=1)
     joints = np.vstack([q, solutions.joints[np.arange(len(tips)), column]])
     positions = np.vstack([tip_position(mechanism, q[None]), tips])
+    # Entry [k, j] is the difference between the positions k and j. Position 0 is the present one.
     displacements = joints[:, None] - joints
     distances = np.linalg.norm(positions[:, None] - positions, axis=2)
     return search_short_tour(

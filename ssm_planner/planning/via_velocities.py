@@ -164,7 +164,7 @@ class _ViaVelocityProblem:
             return gradient
 
         def margins(unknowns: Array) -> Array:
-            """Return the constraints T_k − t_jk ≥ 0 divided by `unit`, (4 n,).
+            """Return the margins (T_k − t_jk) / unit, (4 n,), which must not be negative.
 
             The joints j of segment 1 come first, then those of segment 2, and so on.
             """
