@@ -380,9 +380,24 @@ class SCurve:
         pause = duration - self.duration
         if pause <= ROUNDING_TOLERANCE:
             return self
+        return self.followed_by(SCurve(np.array([pause]), np.zeros(1), np.zeros(1)))
+
+    def followed_by(self, other: "SCurve") -> "SCurve":
+        """Return the motion followed by another one, which begins with the final velocity.
+
+        Parameters
+        ----------
+        other : SCurve
+            The second motion.
+
+        Returns
+        -------
+        SCurve
+            Both motions in one.
+        """
         lengths, start, end = (
-            np.append(values, added)
-            for values, added in ((self.lengths, pause), (self.start, 0.0), (self.end, 0.0))
+            np.concatenate([getattr(part, name) for part in (self, other)])
+            for name in ("lengths", "start", "end")
         )
         return SCurve(lengths, start, end, self.speed)
 

@@ -274,6 +274,7 @@ class _FreeProblemBuilder:
                 displacements[k],
                 speeds[k : k + 2],
                 kinematic_limits,
+                phase.qdd_start if k == 0 else None,
                 count=per_segment,
                 least_count=self.least_count,
             )

@@ -35,6 +35,7 @@ def guess_between(
     displacement: Array,
     speeds: Array,
     limits: Array,
+    initial_acceleration: Array | None = None,
     *,
     count: int,
     least_count: int,
@@ -54,6 +55,9 @@ def guess_between(
         Joint velocities q̇ at both points.
     limits : (3, m) array
         Limits of velocity, acceleration and jerk of the joints.
+    initial_acceleration : (m,) array, optional
+        Joint accelerations q̈ at the first point, by default 0. They only count if the jerk is
+        limited.
     count : int
         Approximate number of elements.
     least_count : int
@@ -65,11 +69,13 @@ def guess_between(
     SegmentChain
         Segments between the reversals of all joints.
     """
+    accelerations = np.zeros(len(start)) if initial_acceleration is None else initial_acceleration
     profiles = [
         JointProfile.from_limits(
             float(displacement[k]),
             (float(speeds[0, k]), float(speeds[1, k])),
             limits[:, k],
+            float(accelerations[k]),
         )
         for k in range(len(start))
     ]
@@ -125,15 +131,13 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
     reversals = [
         (t if side == 0 else max(duration - t, 0.0), i)
         for i, profile in enumerate(profiles)
-        for side, t in enumerate(profile.reversal_times)
-        if t > 0
+        for side, times in enumerate(profile.reversal_times)
+        for t in times
     ]
     borders = [0.0]
     directions = [
         [
-            profile.sign * (-1.0 if profile.reversal_times[0] else 1.0)
-            if profile.is_moving
-            else 0.0
+            profile.sign * (-1.0) ** len(profile.reversal_times[0]) if profile.is_moving else 0.0
             for profile in profiles
         ]
     ]

@@ -7,6 +7,7 @@ called a ramp. If the peak points against the velocity at an end, the joint reve
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ssm_planner.planning.lower_bound import (
     BISECTION_STEPS,
     SCurve,
     minimum_times,
+    quickest_stop,
     rest_to_rest,
 )
 from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
@@ -25,7 +27,7 @@ class JointProfile:
     """Family of motions of one joint between two given velocities, one for each duration.
 
     The joint changes its velocity to a peak, cruises, and changes its velocity again. Jerk is only
-    limited in motions from rest to rest.
+    limited in motions from rest to rest, and in motions that begin with a stop.
     """
 
     displacement: float
@@ -40,6 +42,14 @@ class JointProfile:
     """Limit of the jerk. Infinite without a limit."""
     sign: float
     """Direction of the peak velocity: +1 or −1."""
+    stop: SCurve | None = None
+    """Quickest stop with which the motion begins, or None.
+
+    It is only given if the joint must reverse because of its jerk limit. The joint then moves on
+    from rest to rest.
+    """
+    stop_reversals: tuple[float, ...] = ()
+    """Times from the start at which the joint reverses during and at the end of this stop, s."""
 
     @classmethod
     def from_limits(
@@ -47,6 +57,7 @@ class JointProfile:
         displacement: float,
         speeds: tuple[float, float],
         limits: Array,
+        initial_acceleration: float = 0.0,
     ) -> "JointProfile":
         """Build the profile of a joint from its limits.
 
@@ -58,6 +69,8 @@ class JointProfile:
             Velocities at both ends.
         limits : (3,) array
             Limits of velocity, acceleration and jerk.
+        initial_acceleration : float
+            Acceleration at the start. It only counts if the jerk is limited.
 
         Returns
         -------
@@ -67,21 +80,36 @@ class JointProfile:
         velocity, acceleration, jerk = limits.tolist()
         sign = _peak_sign(displacement, speeds, acceleration)
         fastest = max(velocity, *map(abs, speeds))
-        return cls(displacement, speeds, fastest, acceleration, jerk=jerk, sign=sign)
+        profile = cls(displacement, speeds, fastest, acceleration, jerk=jerk, sign=sign)
+        start, end = speeds
+        first_direction = np.sign(start or initial_acceleration)
+        if math.isinf(jerk) or not first_direction or end:
+            return profile
+        stop = quickest_stop(start, initial_acceleration, acceleration, jerk)
+        # At its end, the stop brakes against the velocity.
+        last_direction = -float(np.sign(stop.start[-1]))
+        remaining = displacement - stop.distance
+        is_at_target = abs(remaining) <= ROUNDING_TOLERANCE
+        sign = last_direction if is_at_target else math.copysign(1.0, remaining)
+        is_reversal = [last_direction != first_direction, sign != last_direction]
+        if not any(is_reversal):
+            return profile
+        reversals = stop.switching_times[[1, -1]][is_reversal]
+        return replace(profile, sign=sign, stop=stop, stop_reversals=tuple(reversals.tolist()))
 
     @property
     def is_moving(self) -> bool:
         """True if the joint moves, False if it rests during the whole motion."""
-        return abs(self.displacement) > ROUNDING_TOLERANCE or any(self.speeds)
+        has_displacement = abs(self.displacement) > ROUNDING_TOLERANCE
+        return has_displacement or any(self.speeds) or self.stop is not None
 
     @property
-    def reversal_times(self) -> tuple[float, float]:
-        """Times from the start to the first reversal, and from the last one to the end, s.
-
-        0 stands for no reversal.
-        """
+    def reversal_times(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Times from the start to the first reversals, and from the last reversal to the end, s."""
+        if self.stop is not None:
+            return self.stop_reversals, ()
         at_start, at_end = (
-            abs(speed) / self.acceleration if speed * self.sign < 0 else 0.0
+            (abs(speed) / self.acceleration,) if speed * self.sign < 0 else ()
             for speed in self.speeds
         )
         return at_start, at_end
@@ -91,6 +119,8 @@ class JointProfile:
         """Smallest duration, s. 0 if the joint does not move."""
         if not self.is_moving:
             return 0.0
+        if self.stop is not None:
+            return self.stop.duration + self._fastest_from_rest().duration
         if not any(self.speeds):
             return self._fastest_from_rest().duration
         limits = self.velocity, self.acceleration
@@ -114,6 +144,9 @@ class JointProfile:
             cannot be so slow cruises at its lowest peak velocity, and covers more than the
             displacement. As a guess this suffices.
         """
+        if self.stop is not None:
+            rest = self._fastest_from_rest().stretched(duration - self.stop.duration)
+            return self.stop.followed_by(rest)
         if not any(self.speeds):
             return self._fastest_from_rest().stretched(duration)
         # All velocities and distances count positive in the direction of the peak.
@@ -151,9 +184,10 @@ class JointProfile:
         return SCurve.from_pieces(times, accelerations, accelerations, self.speeds[0])
 
     def _fastest_from_rest(self) -> SCurve:
-        """Return the fastest motion from rest to rest."""
+        """Return the fastest motion from rest to rest, after the stop if there is one."""
         limits = self.velocity, self.acceleration, self.jerk
-        return rest_to_rest(abs(self.displacement), *limits).scaled(self.sign)
+        stopped = 0.0 if self.stop is None else self.stop.distance
+        return rest_to_rest(abs(self.displacement - stopped), *limits).scaled(self.sign)
 
 
 def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: float) -> float:

@@ -220,6 +220,24 @@ def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(
         starting_from(line, shipped, 9.0)
 
 
+@pytest.mark.parametrize("share", [0.6, 1.0, 1.15])
+def test_with_limited_jerk_joints_overshoot_a_target_within_their_braking_distance(
+    tilt_insert: Problem, with_jerk: WithJerk, share: float
+) -> None:
+    """With limited jerk, a joint needs more than v²/(2a) to stop, so it overshoots and returns."""
+    robot = with_jerk(tilt_insert.robot, 35.0, 1.0)
+    problem = dataclasses.replace(tilt_insert, objective="time", robot=robot)
+    first = plan(dataclasses.replace(problem, motion=(Free(Task(0.5, -2.3, 0.4, 0.02)),)))
+    state = first.motion.sample(0.4 * first.motion.duration)
+    braking = [joint.acceleration for joint in robot.joints]
+    target = state.q[0] + share * state.qd[0] * np.abs(state.qd[0]) / 2 / braking
+    free = dataclasses.replace(problem, motion=(Free(Joints(tuple(target))),))
+    result = Replanner(free).plan_from(first, 0.4 * first.motion.duration)
+    assert result.passed, result.reason
+    least = optimum(free, state.q[0], state.qd[0], target, pull=state.qdd[0])
+    assert (1 - 1e-6) * least <= result.duration <= 1.01 * least
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) -> None:
     """The initial guess keeps the speed, acceleration and direction of each joint."""
