@@ -150,7 +150,7 @@ def _check_samples(
     Parameters
     ----------
     places : _PhaseSamples
-        Samples along a phase.
+        Samples along a phase (entry of the motion list).
     limit : Limit
         The limit.
     values : (n,) array
@@ -295,8 +295,8 @@ def _check_tilt_extremes(phase: Phase) -> Iterator[Reason | None]:
     Parameters
     ----------
     phase : Phase
-        The phase. A phase with a given path is not tested here, because `check_places` tests all
-        samples of its path.
+        The phase (entry of the motion list). One with a given path is not tested here, because
+        `check_places` tests all samples of its path.
 
     Yields
     ------
@@ -377,7 +377,8 @@ def joints_nearest_to_eye(phase: Phase) -> Array:
     Parameters
     ----------
     phase : Phase
-        A free motion of a problem with an eye.
+        Entry of the motion list whose path the solver chooses (a free motion). Its problem has an
+        eye.
 
     Returns
     -------
@@ -480,7 +481,8 @@ def _index_of_phase_with_rates(phases: Sequence[Phase]) -> int:
     Parameters
     ----------
     phases : sequence of Phase
-        The phases in their order, or in reverse to find the phase at the end of the motion.
+        The phases (entries of the motion list) in their order, or in reverse to find the phase at
+        the end of the motion.
     """
     lasting = (k for k, phase in enumerate(phases) if phase.motion.duration or not phase.is_at_rest)
     index = next(lasting, len(phases) - 1)
@@ -581,7 +583,8 @@ def _check_velocity_change(phase: Phase) -> Iterator[Reason | None]:
     Parameters
     ----------
     phase : Phase
-        The phase at the start or at the end of the motion, with its end velocities.
+        The phase (entry of the motion list) at the start or at the end of the motion, with its end
+        velocities.
 
     Yields
     ------
@@ -622,7 +625,8 @@ def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     Parameters
     ----------
     phase : Phase
-        The free phase at the start or at the end of the motion, with its end velocities.
+        The phase (entry of the motion list) at the start or at the end of the motion, with its end
+        velocities. It has no given path.
 
     Yields
     ------

@@ -274,7 +274,7 @@ def check_thermal_bound(problem: Problem) -> Reason | None:
     """Return a reason if every motion of a problem exceeds a motor's continuous torque, or None.
 
     No motion is planned. None means that a slower motion may suffice, that the motion does not
-    repeat, or that the problem has no feasible phases.
+    repeat, or that the problem has no feasible phases (entries of the motion list).
     """
     phases, reason = feasible_phases(problem)
     return None if reason is not None else check_motor_heat(phases)
@@ -284,8 +284,9 @@ def check_thermal_bound(problem: Problem) -> Reason | None:
 class _SlowMotion:
     """Samples of a phase along a given path q(s), for bounds on torque that hold at every speed.
 
-    s is the path parameter from 0 to 1, primes are derivatives with respect to s, and ṡ = ds/dt.
-    The speed of the motion is not known, only its largest value.
+    A phase is an entry of the motion list. s is the path parameter from 0 to 1, primes are
+    derivatives with respect to s, and ṡ = ds/dt. The speed of the motion is not known, only its
+    largest value.
     """
 
     samples: PathSamples

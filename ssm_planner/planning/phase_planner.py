@@ -111,13 +111,13 @@ class PhasePlanner:
         Parameters
         ----------
         path : JointPath
-            The path. It may differ from the path of the phase, because a candidate may choose
-            another one (`candidates/task_line.py`).
+            The path. It may differ from the path of the phase, because a candidate (way to
+            move the phase) may choose another one (`candidates/task_line.py`).
 
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why there is none.
         """
         motion = self.phase.motion
         if isinstance(motion, Follow) and motion.constant_speed is not None:
@@ -158,7 +158,7 @@ class PhasePlanner:
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why there is none.
         """
         phase = self.phase
         # The test assumes that joints start from rest and move towards their targets. A joint that
@@ -196,7 +196,7 @@ class PhasePlanner:
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why there is none.
         """
         return self._free_result(find_best_free(fastest.motion, cutoff))
 
@@ -211,7 +211,7 @@ class PhasePlanner:
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why there is none.
         """
         return self.phase_result(
             self._direct_path, limit_stop_travel(self.phase, self.strict, motion)
@@ -330,7 +330,7 @@ class PhasePlanner:
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why there is none.
         """
         problem = self.problem
         speeds = self.phase.speeds_along(path)

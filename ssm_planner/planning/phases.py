@@ -147,7 +147,8 @@ class Phase:
     def from_rest(self, points: Array, *, to_end: bool = True) -> "Phase":
         """Return a phase that begins at rest and passes other points, as a part of this phase.
 
-        The candidates that divide a phase into two motions use it (`candidates/in_parts.py`).
+        The ways to move (candidates) that divide a phase into two motions use it
+        (`candidates/in_parts.py`).
 
         Parameters
         ----------
@@ -277,7 +278,8 @@ def _with_whole_turns(q: Array) -> list[Array]:
 def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
     """Build the consecutive phases of a problem from a start configuration.
 
-    Roll and spin are continuous from phase to phase.
+    A phase is an entry of the motion list with its joint positions. Roll and spin are continuous
+    from phase to phase.
 
     Parameters
     ----------
@@ -474,7 +476,7 @@ class _PhaseBuilder:
         Parameters
         ----------
         target : Point
-            Via point or end of a free motion.
+            Via point (between start and end) or end of a free motion.
 
         Returns
         -------
@@ -635,7 +637,8 @@ def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phas
     problem : Problem
         The problem, for its file name.
     chain : list of Phase
-        The phases. All but the last one have a motion with a rounded corner (`blend`) at its end.
+        The phases (entries of the motion list). All but the last one have a motion with a rounded
+        corner (`blend`) at its end.
     keys : list of str
         Key in the problem file of the motion of each phase, for error messages.
 

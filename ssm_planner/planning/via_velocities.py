@@ -96,10 +96,12 @@ class _ViaVelocityProblem:
     def times(self, speeds: Array) -> Array:
         """Return the shortest time in which each joint alone can cover each segment.
 
+        A segment is the motion from one point to the next.
+
         Parameters
         ----------
         speeds : (n − 1, 4) array
-            Joint velocities at the via points, rad/s and m/s.
+            Joint velocities at the via points (between start and end), rad/s and m/s.
 
         Returns
         -------
@@ -114,10 +116,12 @@ class _ViaVelocityProblem:
     def duration(self, speeds: Array) -> float:
         """Return the total duration, s. In every segment, the slowest joint determines the time.
 
+        A segment is the motion from one point to the next.
+
         Parameters
         ----------
         speeds : (n − 1, 4) array
-            Joint velocities at the via points, rad/s and m/s.
+            Joint velocities at the via points (between start and end), rad/s and m/s.
         """
         return float(self.times(speeds).max(axis=1).sum())
 
@@ -131,7 +135,8 @@ class _ViaVelocityProblem:
         Parameters
         ----------
         speeds : (n − 1, 4) array
-            Velocities at which the iteration starts, rad/s and m/s.
+            Velocities at which the iteration starts, rad/s and m/s. Via points lie between start
+            and end.
         may_reverse : bool
             True if joints may reverse anywhere. Otherwise a joint that reverses at a point, or that
             rests on one side of it, has velocity 0 there.
@@ -196,7 +201,8 @@ class _ViaVelocityProblem:
     def _margin_gradients(self, shares: Array, unit: float) -> Array:
         """Compute the derivatives of the margins (T_k − t_jk) / unit by finite differences.
 
-        T_k is the duration of segment k, and t_jk is the time that joint j needs for it.
+        T_k is the duration of segment k (from point k to the next one), and t_jk is the time that
+        joint j needs for it.
 
         Parameters
         ----------
@@ -240,7 +246,7 @@ class _ViaVelocityProblem:
         Parameters
         ----------
         speeds : (n − 1, 4) array
-            Joint velocities at the via points, rad/s and m/s.
+            Joint velocities at the via points (between start and end), rad/s and m/s.
 
         Returns
         -------

@@ -47,6 +47,6 @@ class Work:
         elements : int
             Number of elements (time intervals) of the mesh.
         costs : bool
-            True if the objective contains heat or effort.
+            True if the objective contains the heat or the effort of the motors.
         """
         self.spent += ITERATION_WORK[solver, costs] * iterations * elements
