@@ -383,12 +383,13 @@ class SCurve:
         return self.followed_by(SCurve(np.array([pause]), np.zeros(1), np.zeros(1)))
 
     def followed_by(self, other: "SCurve") -> "SCurve":
-        """Return the motion followed by another one, which begins with the final velocity.
+        """Return the motion followed by the pieces of another one.
 
         Parameters
         ----------
         other : SCurve
-            The second motion.
+            The second motion. It begins with the velocity that this motion has at its end. Its own
+            field `speed` is not read.
 
         Returns
         -------
