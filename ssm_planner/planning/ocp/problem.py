@@ -1,8 +1,9 @@
 """Base class of the optimal control problems of free motions and of motions along a path.
 
-An optimal control problem becomes a nonlinear program on a mesh of elements (`nlp`). The base class
-provides the data of this program, and evaluates path constraints between the instants at which the
-program imposes them. The subclasses are `free_problem.FreeProblem` and the problem of `straight`.
+An optimal control problem asks for the motion of least duration or cost that keeps all limits. On a
+mesh of time intervals (elements), it becomes a nonlinear program (`nlp`). `OcpProblem` provides the
+numbers of this program, and evaluates the limits between the instants at which the program imposes
+them. The subclasses are `free_problem.FreeProblem` and the problem of the module `straight`.
 """
 
 from abc import ABC, abstractmethod
@@ -35,12 +36,16 @@ It prevents elements of length 0, in which accelerations would be undetermined.
 class OcpProblem(ABC):
     """An optimal control problem with n elements, k segments, b blocks and r path constraints.
 
-    Elements are the time intervals of the mesh, segments the parts of the motion in which no
-    coordinate reverses, and blocks the groups of elements that share one unknown duration (`nlp`).
-    A path constraint (also called a row) is a function of the motion at one instant that must not
-    exceed 1. The element model contains the functions that give the path constraints and the cost
-    of one element. A subclass provides this model with its constants, the limits of the coordinates
-    and the boundary conditions.
+    The module `nlp` explains these terms:
+
+    - An element is a time interval of the mesh. In it, each coordinate u is a cubic polynomial.
+    - A segment is a part of the motion in which no coordinate reverses.
+    - A block is a group of consecutive elements that share one unknown duration.
+    - A path constraint (row) is a function of the motion at one instant that must not exceed 1.
+
+    The element model contains the functions that give the path constraints and the cost of one
+    element. A subclass provides this model, the parameters of its functions, the limits of the
+    coordinates, and the boundary conditions.
     """
 
     structure: NlpStructure
@@ -48,13 +53,19 @@ class OcpProblem(ABC):
     lengths: Array
     """Length of every element in the guess in scaled time, (n,)."""
     joint_limits: dict[str, Array]
-    """Limits of joints and motors that the motion must keep, from `rows.joint_limits`."""
+    """Limits of joints and motors by the names in `rows.LIMIT_SIZES`, (4,) each, in SI units.
+
+    `rows.joint_limits` collects them.
+    """
     time_scale: float
-    """Unit of scaled time, s."""
+    """Unit of scaled time, s. It is about the duration of the motion."""
     directions: Array
     """Direction of every joint in every segment: +1, −1 or 0, (k, 4)."""
     starts_at_rest: Array
-    """True for joints that are at rest at the start of the motion, (4,)."""
+    """True for joints that are at rest at the start of the motion, (4,).
+
+    Such a joint must overcome static friction when it starts.
+    """
     method: Method = "Ipopt"
     """Solution method: "Ipopt", "structured", "confirmed" or "estimated".
 
@@ -66,41 +77,50 @@ class OcpProblem(ABC):
     @property
     @abstractmethod
     def boundary(self) -> BoundaryConditions:
-        """Positions and velocities of the coordinates at borders and ends, in scaled time."""
+        """Positions and velocities of the coordinates at borders and ends, in scaled time.
+
+        A border lies between two segments, that is, parts of the motion in which no coordinate
+        reverses.
+        """
 
     @property
     @abstractmethod
     def limits(self) -> tuple[Array, Array, Array]:
-        """Limits of velocity u̇, acceleration ü and jerk u⃛ of the coordinates in scaled time.
+        """Limits of |u̇|, |ü| and |u⃛| of the m coordinates u, in scaled time.
 
-        Each has the shape (m,) or (n, m), and is infinite without a limit.
+        Each has the shape (m,), or (n, m) if it differs between the n elements (time intervals). An
+        entry is infinite where there is no limit.
         """
 
     @property
     @abstractmethod
     def complete_element(self) -> ElementModel:
-        """Element model with all r path constraints that the motion must keep."""
+        """Functions of one element (time interval), with all r path constraints of the motion."""
 
     @abstractmethod
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the constants with which the functions of one element are evaluated.
+        """Return the parameter vectors of the functions that evaluate one element.
 
-        Such constants are limits, directions of joints, and polynomials that approximate a path.
+        The parameters contain limits and directions of joints. For a given path, they also contain
+        polynomials that approximate the path.
 
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            u, u̇, ü at the start, ü at the end (m numbers each), and length of each element. A model
-            that approximates a path does so near the positions u.
+            Latest motion: u, u̇, ü at the start, ü at the end (m numbers each), and length of each
+            element (time interval). The polynomials approximate the path near the positions u.
 
         Returns
         -------
         tuple of arrays
-            (size,) for a vector that all elements share, otherwise (n, size).
+            One array for each parameter vector: (size,) if all elements share it, otherwise
+            (n, size).
         """
 
     def element(self, active: frozenset[RowName], aim: Aim) -> ElementModel:
-        """Return the functions of one element with some of the path constraints and with a cost.
+        """Return the functions of one element with selected path constraints and with a cost.
+
+        A path constraint is a function of the motion at one instant that must not exceed 1.
 
         Parameters
         ----------
@@ -113,7 +133,8 @@ class OcpProblem(ABC):
         Returns
         -------
         ElementModel
-            The model. Equal models are the same object, so that their functions are compiled once.
+            The functions. Equal models are the same object, so that their functions are compiled
+            once.
         """
         return shared_model(replace(self.complete_element, active=active, aim=aim))
 
@@ -124,10 +145,11 @@ class OcpProblem(ABC):
         ----------
         elements : (n, 4 m + 1) array
             Latest motion: u, u̇, ü at the start, ü at the end (m numbers each), and length of each
-            element.
+            element (time interval).
         backoff : (n, active constraints) array
-            Reduction of the bound of every active path constraint in every element. It makes the
-            motion keep the limit between the instants at which the program imposes it.
+            Amount by which the bound of each active path constraint is lowered in each element. The
+            program imposes a limit only at three instants of an element, and the lower bound makes
+            the motion keep it in between. A constraint is active if it is part of the program.
 
         Returns
         -------
@@ -135,7 +157,7 @@ class OcpProblem(ABC):
             All numbers of the program.
         """
         velocity, acceleration, jerk = self.limits
-        # Durations of the blocks in the guess.
+        # `times` are the durations of the blocks (groups of elements) in the guess.
         boundary, times = self.boundary, self.structure.times(self.lengths)
         lower, upper, v_bounds = boundary.bounds(self.structure, velocity, acceleration)
         return NlpData(
@@ -154,12 +176,18 @@ class OcpProblem(ABC):
         )
 
     def with_divided_elements(self, counts: Indices) -> "OcpProblem":
-        """Return the problem on a finer mesh, in which every element is divided into equal parts.
+        """Return the problem on a finer mesh, in which elements are divided into equal parts.
 
         Parameters
         ----------
         counts : (n,) int array
-            Number of parts of each element. 1 leaves it as it is.
+            Number of parts of each element (time interval). An element with one part stays as it
+            is.
+
+        Returns
+        -------
+        OcpProblem
+            The same problem with sum(counts) elements.
         """
         lengths = np.repeat(self.lengths / counts, counts)
         return replace(
@@ -167,24 +195,31 @@ class OcpProblem(ABC):
         )
 
     def with_single_block(self, lengths: Array) -> "OcpProblem":
-        """Return the problem with all elements in one block.
+        """Return the problem with the total duration as its only unknown time.
 
-        The elements of a block have durations in fixed proportions, so the total duration is then
-        the only unknown time of the problem.
+        All elements (time intervals) then belong to one block, a group of elements whose durations
+        have fixed proportions.
 
         Parameters
         ----------
         lengths : (n,) array
-            Lengths of the elements. They keep their proportions.
+            Lengths of the elements in scaled time, which determine these proportions.
+
+        Returns
+        -------
+        OcpProblem
+            The same problem with one block.
         """
         structure = replace(self.structure, block_sizes=(len(lengths),))
         return replace(self, structure=structure, lengths=lengths)
 
     @property
     def has_free_borders(self) -> bool:
-        """True if the solver determines positions at some borders between segments.
+        """True if the solver determines the joint positions at some borders between segments.
 
-        Such borders are reversals of joints, and passages of the port (incision) of an eye.
+        A segment is a part of the motion in which no joint reverses. Its borders may be given
+        points, reversals of joints, or passages of the port (incision) of an eye. The solver
+        determines positions at the latter two.
         """
         return bool(np.isnan(self.boundary.points).any())
 
@@ -192,32 +227,40 @@ class OcpProblem(ABC):
     def always_active(self) -> frozenset[RowName]:
         """Names and joints of path constraints that are always part of the program.
 
-        The others become part of it when a guess or a solution comes close to their limits.
+        A path constraint is a function of the motion that must not exceed 1. The others become part
+        of the program when a guess comes close to their limits or a solution exceeds them.
         """
         return frozenset()
 
     @property
     def sigma(self) -> Array:
-        """Direction σ of every joint in every element: +1, −1 or 0, (n, 4)."""
+        """Direction σ of every joint in every element (time interval): +1, −1 or 0, (n, 4)."""
         return np.asarray(self.directions[self.structure.segment])
 
     @cached_property
     def row_names(self) -> list[RowName]:
-        """Names and joints of all r path constraints, in the order of their values."""
+        """Names and joints of all r path constraints, in the order of their values.
+
+        A path constraint is a function of the motion at one instant that must not exceed 1.
+        """
         return self.complete_element.row_names
 
     @property
     def ignored_rows(self) -> Mask:
-        """True where a path constraint does not apply to an element, (n, r)."""
+        """True where a path constraint does not apply to an element (time interval), (n, r).
+
+        In this class all constraints apply everywhere.
+        """
         return np.zeros((self.structure.elements, len(self.row_names)), dtype=bool)
 
     def row_maxima(self, elements: Array) -> Array:
-        """Return the largest value of each path constraint in each element of a motion.
+        """Estimate the largest value of each path constraint in each element of a motion.
 
-        The program imposes path constraints only at three instants of each element (time interval),
-        so the motion may exceed a limit between them. Here, the constraints are evaluated at the
-        nine `DENSE_POINTS` of each element. A parabola through the largest value and its neighbours
-        estimates the maximum.
+        A path constraint is a function of the motion at one instant that must not exceed 1. The
+        program imposes it only at three instants of each element (time interval), so the motion may
+        exceed a limit between them. This method evaluates the constraints at the nine
+        `DENSE_POINTS` of each element. The estimate is the peak of the parabola through the largest
+        value and its two neighbours.
 
         Parameters
         ----------
@@ -233,35 +276,42 @@ class OcpProblem(ABC):
         if not self.row_names:
             return np.zeros((n, 0))
         values = rows_between(self.complete_element, elements, self.element_parameters(elements))
+        # `values` has the shape (n, 9 r). `parabolic_peak` needs the nine samples as its last axis.
         peaks = parabolic_peak(values.reshape(n, len(DENSE_POINTS), -1).transpose(0, 2, 1))
         return np.where(self.ignored_rows, -np.inf, peaks)
 
     def _breakaway_bound(self) -> Array:
-        """Return the upper bounds of the constraints on joints that start against static friction.
+        """Return the upper bounds of the breakaway constraints.
 
-        Each pair (element k, element j) of `NlpStructure.breakaways` is a possible start at the
-        beginning of element k, in the direction that the joint has in element j. A bound is 1 for a
-        joint that starts or reverses at the beginning of element k and moves in element j. It is
-        infinite for other joints.
+        A breakaway constraint limits the motor torque of a joint that starts to move against static
+        friction. Each pair (element k, element j) of `NlpStructure.breakaways` is a possible start:
+        at the beginning of element k, in the direction that the joint has in element j. The bound
+        is 1 for a joint that moves in element j, and that changes its direction (or begins the
+        motion from rest) at the beginning of element k. It is infinite for other joints.
 
         Returns
         -------
         (pairs, rows) array
-            Bounds. Each row belongs to a motor's constraint (`ElementModel.breakaway_joints`).
+            Bounds. Each column belongs to one constraint of a motor, in the order of
+            `ElementModel.breakaway_joints`.
         """
         sigma = self.sigma
         joints = self.complete_element.breakaway_joints
         bounds = []
         for k, j in self.structure.breakaways:
+            # A joint starts where its direction changes, and at the start of the motion (k = 0) if
+            # it is at rest there.
             starts = sigma[k] != sigma[k - 1] if k else self.starts_at_rest
             bounds.append(np.where(starts & (sigma[j] != 0), 1.0, np.inf)[joints])
         return np.array(bounds)
 
 
 def parabolic_peak(values: Array) -> Array:
-    """Estimate the maximum of sampled curves by parabolas.
+    """Estimate the maximum of each sampled curve by a parabola.
 
-    Each parabola passes through the largest sample of a curve and its two neighbours.
+    The parabola passes through the largest sample of the curve and its two neighbours. If the
+    largest sample is the first or the last one, the parabola passes through the three samples at
+    this end.
 
     Parameters
     ----------
@@ -271,18 +321,19 @@ def parabolic_peak(values: Array) -> Array:
     Returns
     -------
     (…,) array
-        Maximum of each parabola, but at least the largest sample.
+        Maximum of each parabola within its three samples, but at least the largest sample.
     """
     count = values.shape[-1]
     rows = values.reshape(-1, count)
     peak = rows.max(axis=1)
-    # Index of the largest sample in the flattened array, or of its inner neighbour at an end.
+    # Index of the middle one of the three samples in the flattened array.
     middle = np.clip(rows.argmax(axis=1), 1, count - 2) + np.arange(len(rows)) * count
     previous, centre, following = (rows.ravel()[middle + k] for k in (-1, 0, 1))
     slope = (following - previous) / 2
     curvature = following - 2 * centre + previous
     with np.errstate(divide="ignore", invalid="ignore"):
-        # The vertex of the parabola, at most one sample away. A straight line has no vertex.
+        # Distance of the vertex from the middle sample, in steps between samples. It is limited to
+        # one step. A straight line has no vertex, so its division by 0 gives 0 or ±1 here.
         offset = np.clip(np.nan_to_num(-slope / curvature), -1.0, 1.0)
     return np.asarray(
         np.maximum(peak, centre + offset * (slope + offset * curvature / 2)).reshape(

@@ -1,11 +1,13 @@
 """Optimal control problem of a motion along a given path.
 
-The unknown is the timing s(t) of the path parameter s, as cubic polynomials on the elements of a
-mesh. The guess is the motion of TOPP-RA along the path, and the mesh follows its switching points.
-Every joint keeps its direction between two reversals, so the sign of its friction is known.
+The joint path q(s) with the path parameter s from 0 to 1 is given. Only the timing s(t) is unknown.
+It is a cubic polynomial on each element (time interval) of a mesh. The optimisation starts at the
+motion that TOPP-RA (`planning.retiming`) computes along the path, and the elements end where the
+acceleration of this motion jumps. The path determines where each joint reverses. Every joint keeps
+its direction between two reversals, so the sign of its friction is known.
 
-`solve_straight` is the main entry. `joint_polynomials` converts a timing to joint polynomials, also
-for motions that TOPP-RA alone times.
+`solve_straight` is the main entry. `joint_polynomials` converts a timing to polynomials of the
+joints. `retimed_polynomials` does so for a motion whose timing comes from TOPP-RA alone.
 """
 
 from collections.abc import Mapping
@@ -83,27 +85,31 @@ def solve_straight(
     method: Method = "Ipopt",
     work: Work | None = None,
 ) -> PhaseSolution:
-    """Compute the motion along a path that is best for the objective of a phase.
+    """Compute the motion along a given path that is best for the objective of a phase.
+
+    A phase is an entry of the problem's motion list with its joint positions. Only the timing of
+    the motion along the path is unknown.
 
     Parameters
     ----------
     phase : Phase
         The phase with its problem, velocities at both ends and requested duration.
     path : JointPath
-        The path q(s) of the joints.
+        Joint path q(s) with the path parameter s from 0 to 1.
     guess : Retiming
-        Motion along the path whose timing TOPP-RA has computed on a grid of s.
+        Motion along the path, which TOPP-RA has timed on a grid of s.
     strict : Robot or None
         The robot with tighter limits, which the motion must keep. None: that of the problem.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time, as in `rows.LIMIT_SIZES`.
+        Weights of the motors' heat relative to time, for a problem whose motors get too hot: the
+        seconds of duration that are worth one second of a motor at its nominal torque.
     count : int or None
-        Number of elements. None: chosen by the path.
+        Number of mesh elements (time intervals). None: chosen by the path.
     method : str
         Solution method: "Ipopt" alone, "structured" (the structured solver alone), "confirmed" (the
         structured solver, whose result Ipopt confirms), or "estimated" (only the duration counts).
     work : Work or None
-        Counter of the computational work.
+        Counter to which the computational work is added. None: the work is not counted.
 
     Returns
     -------
@@ -128,7 +134,8 @@ def solve_straight(
     # Unit of time: the duration of the guess, or a lower bound if that is longer.
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
     speed_limit = path_speed_limits(path, limits.rates) * scale
-    # Each interval between two reversals is a segment and a block.
+    # Each interval between two reversals is a segment (no joint reverses in it) and a block (its
+    # elements share one unknown duration).
     sizes = tuple(np.bincount(mesh.interval).tolist())
     structure = NlpStructure(
         moves=((True,),) * len(sizes),
@@ -163,26 +170,29 @@ def solve_straight(
 def retimed_polynomials(
     path: JointPath, retiming: Retiming, end_speed: float
 ) -> tuple[Array, Array]:
-    """Convert a motion of TOPP-RA to joint polynomials.
+    """Convert a motion that TOPP-RA has timed to polynomials of the joints.
 
-    In this motion, ṡ² is linear in s between grid points, so s̈ is constant there.
+    The result has one quintic polynomial of each joint for each grid interval.
 
     Parameters
     ----------
     path : JointPath
         Joint path q(s) with the path parameter s from 0 to 1.
     retiming : Retiming
-        Motion of TOPP-RA along the path, with n + 1 grid points.
+        Motion along the path, which TOPP-RA has timed on a grid of n + 1 values of s.
     end_speed : float
-        ṡ at the end, 1/s.
+        ṡ at the end of the motion, 1/s.
 
     Returns
     -------
     breaks : (n + 1,) array
-        Ends of the pieces, s.
+        Times at the grid points, which are the ends of the polynomials, s.
     coefficients : (n, 6, 4) array
-        Coefficients of the pieces by powers of the time since their start.
+        Coefficients of the polynomials by powers of the time since their start. The axes are grid
+        interval, power and joint.
     """
+    # s̈ is constant on each grid interval, because TOPP-RA makes ṡ² linear in s there. Hence it is the
+    # same at the start and at the end of an element.
     accelerations = [retiming.acceleration, retiming.acceleration]
     states = [retiming.s[:-1], np.sqrt(retiming.speed_squared[:-1])]
     elements = np.column_stack([*states, *accelerations, np.diff(retiming.times)])
@@ -191,7 +201,11 @@ def retimed_polynomials(
 
 @keyword_record
 class _StraightProblem(OcpProblem):
-    """Optimal control problem of the timing s(t) along a path. Its only coordinate is s."""
+    """Optimal control problem of the timing s(t) along a path. Its only coordinate is s.
+
+    It has n elements (time intervals of the mesh) and k segments. A segment is a part of the motion
+    in which no joint reverses.
+    """
 
     robot: Robot
     """The robot, with the true limits."""
@@ -200,37 +214,39 @@ class _StraightProblem(OcpProblem):
     limits_of_tool: tuple[ToolLimit, ...]
     """Limits of the tool: of its speeds and of the distance that it travels during a stop."""
     speed_limit: Array
-    """Largest ṡ that the limited rates of task coordinates allow, in scaled time, (k,).
+    """Largest ṡ in each segment that the limited rates of task coordinates allow, (k,).
 
-    There is one value for each interval between two knots of the path.
+    ṡ is the derivative with respect to scaled time.
     """
     end_speeds: Array
     """ṡ at both ends, in scaled time, (2,)."""
 
     def result(self, solution: NlpSolution, end_speed: float) -> PhaseSolution:
-        """Convert a solution of the program to joint polynomials in SI units.
+        """Convert a solution of the nonlinear program to joint polynomials in SI units.
 
         Parameters
         ----------
         solution : NlpSolution
-            Solution in scaled time.
+            Timing of the path in scaled time.
         end_speed : float
             ṡ at the end, 1/s. It replaces the solver's value, which contains rounding.
 
         Returns
         -------
         PhaseSolution
-            The motion with `POLYNOMIALS_PER_ELEMENT` polynomials in each element, or the status and
-            message of the failure.
+            The motion with `POLYNOMIALS_PER_ELEMENT` polynomials of each joint in each element
+            (time interval), or the status and message of the failure.
         """
         if not solution.solved:
             return PhaseSolution.from_solver(solution)
         scale = self.time_scale
-        # From scaled time to seconds.
+        # From scaled time to seconds. The columns are s, ṡ, s̈ at the start, s̈ at the end, length.
         elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
         breaks, coefficients = joint_polynomials(
             self.path, elements, POLYNOMIALS_PER_ELEMENT, end_speed
         )
+        # The instants of the reversals follow from their values of s. `breaks` also contains instants
+        # within the elements, so only every POLYNOMIALS_PER_ELEMENT-th one is the end of an element.
         positions = np.append(elements[:, 0], 1.0)
         borders = np.interp(self.path.directions[0], positions, breaks[::POLYNOMIALS_PER_ELEMENT])
         return PhaseSolution.from_solver(
@@ -250,9 +266,10 @@ class _StraightProblem(OcpProblem):
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
-        """Limits of ṡ in each element (n, 1), and of s̈ and s⃛, (1,) each. The latter are infinite.
+        """Limits of ṡ in each element (n, 1), and of |s̈| and |s⃛|, (1,) each, in scaled time.
 
-        The joints limit s̈ and s⃛ by path constraints.
+        The limits of s̈ and s⃛ are infinite here. Path constraints impose the acceleration and jerk
+        limits of the joints instead.
         """
         return (
             self.speed_limit[self.structure.segment][:, None],
@@ -262,9 +279,10 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def complete_element(self) -> StraightElement:
-        """Functions of one element, with the path constraints of joints, motors and the tool.
+        """Functions of one element (time interval), with all path constraints of the motion.
 
-        Joints that rest on the whole path have no constraints on velocity, acceleration and jerk.
+        The path constraints are the limits of joints, motors and the tool. Joints that rest on the
+        whole path have no constraints on velocity, acceleration and jerk.
         """
         moving = np.abs(self.path.coarse_samples.dq).max(axis=0) > 0
         rows: set[RowName] = set().union(*(torque_row_names(self.robot, i) for i in range(4)))
@@ -279,25 +297,33 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def always_active(self) -> frozenset[RowName]:
-        """Names of the jerk constraints, which are always part of the program.
+        """Names and joints of the jerk constraints, which are always part of the program.
 
-        The guess of TOPP-RA ignores jerk, so it does not show which of them bind.
+        Other path constraints become part of it when the guess comes close to their limits. The
+        guess is a motion of TOPP-RA, which ignores jerk, so it does not show which jerk constraints
+        matter.
         """
         return frozenset(name for name in self.row_names if name[0] == JointJerk.name)
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the constants with which the functions of the elements are evaluated.
+        """Return the parameter vectors of the functions that evaluate one element.
 
         Parameters
         ----------
         elements : (n, 5) array
-            Latest motion: s, ṡ, s̈ at the start, s̈ at the end, and length of each element.
+            Latest motion: s, ṡ, s̈ at the start, s̈ at the end, and length of each element (time
+            interval). Only the positions s are used, near which the path is approximated.
 
         Returns
         -------
-        tuple of arrays
-            Directions σ (n, 4) of the joints, polynomials (n, size) that approximate the path near
-            the elements (`path_fit.fit_path`), and limits (size,).
+        sigma : (n, 4) array
+            Direction of each joint in each element: +1, −1 or 0.
+        polynomials : (n, size) array
+            Coefficients of polynomials in s that approximate the path, the torques and the tool
+            speeds near each element (`path_fit.fit_path`).
+        limits : (size,) array
+            Limits of joints, motors and tool in the order of `StraightElement.layout`, the same for
+            all elements.
         """
         limits = StraightElement.layout.pack(
             **self.joint_limits, **tool_limits(self.limits_of_tool), time_scale=self.time_scale
@@ -308,49 +334,54 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def _bodies(self) -> tuple[RigidBody, ...]:
-        """Rigid-body model of the arm with each load."""
+        """Rigid-body model of the arm with each payload in `Robot.loads`."""
         return tuple(RigidBody.from_robot(load) for load in self.robot.loads)
 
 
 def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
-    """Compute the largest ṡ that limited rates of task coordinates allow.
+    """Compute the largest path speed ṡ that limited rates of task coordinates allow.
+
+    The rate of a task coordinate x is |dx/ds| ṡ. It is smaller than a limit r everywhere if ṡ is at
+    most r / max |dx/ds|. The maximum is taken over samples of the path.
 
     Parameters
     ----------
     path : JointPath
-        Joint path q(s) with the path parameter s from 0 to 1.
+        Joint path q(s) with the path parameter s from 0 to 1. Its k + 1 knots are values of s
+        between which no joint reverses.
     rates : mapping of str to float
-        Limited rates by the names of the task coordinates, rad/s and m/s.
+        Largest rates by the names of the limited task coordinates, rad/s and m/s.
 
     Returns
     -------
     (k,) array
-        Largest ṡ between two knots of the path (reversals of joints), 1/s. `UNLIMITED` without a
-        limit.
+        Largest ṡ between each pair of neighbouring knots, 1/s. `UNLIMITED` without a limit.
     """
     knots = path.directions[0]
     ceiling = np.full(len(knots) - 1, UNLIMITED)
     if not rates:
         return ceiling
+    # PATH_SAMPLES values of s between each pair of neighbouring knots, (k, PATH_SAMPLES).
     s = knots[:-1, None] + np.linspace(0.0, 1.0, PATH_SAMPLES) * np.diff(knots)[:, None]
     samples = path.sample(s.ravel())
     slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
     for name, rate in rates.items():
+        # A coordinate that hardly changes would give a limit above UNLIMITED, or a division by 0.
         steepest = slopes[:, :, TASK_COORDINATES.index(name)].max(axis=1)
         ceiling = np.minimum(ceiling, rate / np.maximum(steepest, rate / UNLIMITED))
     return ceiling
 
 
 def _path_jerk_limits(robot: Robot, path: JointPath, s: Array) -> Array:
-    """Return the largest s⃛ that the jerk limits of the joints allow while ṡ is small.
+    """Compute the largest s⃛ that the jerk limits of the joints allow while ṡ is small.
 
     The jerk of joint i is q'_i s⃛ + 3 q''_i ṡ s̈ + q'''_i ṡ³, with primes for derivatives with
-    respect to s. For small ṡ, only the first term matters.
+    respect to s. For small ṡ only the first term matters. The mesh needs no better estimate.
 
     Parameters
     ----------
     robot : Robot
-        The robot.
+        The robot with its jerk limits.
     path : JointPath
         Joint path q(s) with the path parameter s from 0 to 1.
     s : (n,) array
@@ -359,7 +390,7 @@ def _path_jerk_limits(robot: Robot, path: JointPath, s: Array) -> Array:
     Returns
     -------
     (n,) array
-        min_i jerk_i / |dq_i/ds|, 1/s³.
+        min_i jerk_i / |dq_i/ds|, 1/s³. Infinite where no joint moves.
     """
     with np.errstate(divide="ignore"):
         return np.asarray((joint_limits(robot)["jerk"] / np.abs(path.sample(s).dq)).min(axis=1))
@@ -368,32 +399,36 @@ def _path_jerk_limits(robot: Robot, path: JointPath, s: Array) -> Array:
 def joint_polynomials(
     path: JointPath, elements: Array, subdivision: int, end_speed: float
 ) -> tuple[Array, Array]:
-    """Convert a timing s(t) to quintic joint polynomials.
+    """Convert a timing s(t) of a path to quintic polynomials of the joints.
 
-    The polynomials have exact values of q, q̇ and q̈ at both ends of every piece.
+    Each element (time interval, on which s is a cubic polynomial of time) is divided into pieces of
+    equal duration. At both ends of a piece, the polynomials have exactly the q, q̇ and q̈ of the
+    motion along the path. In between, they approximate it.
 
     Parameters
     ----------
     path : JointPath
         Joint path q(s) with the path parameter s from 0 to 1.
     elements : (n, 5) array
-        s, ṡ, s̈ at the start, s̈ at the end and length of every element. Time is in s.
+        s, ṡ, s̈ at the start, s̈ at the end and length of every element. Time is in seconds.
     subdivision : int
         Number of pieces of every element.
     end_speed : float
-        ṡ at the end, 1/s.
+        ṡ at the end of the motion, 1/s.
 
     Returns
     -------
-    breaks : (m + 1,) array
-        Ends of the m = n · subdivision pieces, s.
-    coefficients : (m, 6, 4) array
-        Coefficients of the pieces by powers of the time since their start.
+    breaks : (n · subdivision + 1,) array
+        Start of the first piece, and ends of all pieces, s.
+    coefficients : (n · subdivision, 6, 4) array
+        Coefficients of the pieces by powers of the time since their start. The axes are piece,
+        power and joint.
     """
     lengths = elements[:, 4:]
     shares = np.arange(subdivision) / subdivision
     element_ends = np.concatenate([[0.0], np.cumsum(lengths)])
     breaks = np.append((element_ends[:-1, None] + lengths * shares).ravel(), element_ends[-1])
+    # q, q̇ and q̈ at the starts of all pieces, then at their ends.
     ends = [
         _joint_motion_at(path, elements, shares + offset, end_speed)
         for offset in (0.0, 1.0 / subdivision)
@@ -404,28 +439,33 @@ def joint_polynomials(
 def _joint_motion_at(
     path: JointPath, elements: Array, shares: Array, end_speed: float
 ) -> tuple[Array, Array, Array]:
-    """Evaluate q, q̇ and q̈ at given instants of every element.
+    """Evaluate joint positions, velocities and accelerations at given instants of every element.
+
+    With primes for derivatives with respect to s, q̇ = q' ṡ and q̈ = q'' ṡ² + q' s̈.
 
     Parameters
     ----------
     path : JointPath
         Joint path q(s) with the path parameter s from 0 to 1.
     elements : (n, 5) array
-        s, ṡ, s̈ at the start, s̈ at the end and length of every element.
+        s, ṡ, s̈ at the start, s̈ at the end and length of every element (time interval), with the
+        time in seconds.
     shares : (k,) array
-        Instants as shares of the element's length. If the last one is 1, the motion ends exactly at
-        s = 1 with `end_speed`.
+        Instants as shares of the length of an element, from 0 to 1, in increasing order. If the
+        last share is 1, the last instant is the end of the motion. There the function sets s = 1
+        and ṡ = `end_speed`.
     end_speed : float
-        ṡ at the end, 1/s.
+        ṡ at the end of the motion, 1/s.
 
     Returns
     -------
     q, qd, qdd : (n k, 4) arrays
-        Joint positions, velocities and accelerations.
+        Joint positions (rad, m) and their first two derivatives with respect to time in seconds, at
+        all k instants of the first element, then of the second one, and so on.
     """
     s, speed, acceleration = (value.ravel() for value in as_cubics(elements).evaluate(shares))
     s = np.clip(s, 0.0, 1.0)
-    if shares[-1] == 1.0:  # The end is exact. The solver's values contain rounding.
+    if shares[-1] == 1.0:  # The solver's values at the end contain rounding.
         s[-1], speed[-1] = 1.0, end_speed
     sample = path.sample(s)
     speed = speed[:, None]

@@ -1,13 +1,16 @@
 """Solution of a nonlinear program by the structured interior-point solver (package `interior`).
 
-The program is that of `transcription`, in another form. The unknowns are coefficients of splines,
-so that neighbouring elements join by construction, and limits of ü and jerk are linear in the
-variables of one element. Equality constraints remain in two cases: if a jerk-limited coordinate
-passes a point, reverses there, or begins or ends at speed, and if the duration is given.
+The program is the one that `transcription` states for Ipopt, in another form. The mesh divides the
+motion into elements (time intervals), on which the coordinates u (the path parameter or the joints)
+are cubic polynomials of time. Here the unknowns are the coefficients of a spline. Neighbouring
+elements then join without constraints, and limits of ü and jerk are linear in the variables of one
+element. Equality constraints remain in two cases. One is a given duration. The other is a
+jerk-limited coordinate that passes a given point, reverses there, or begins or ends at speed.
 
-The coordinates u are the path parameter or the joints. The vector z of an element (time interval)
-contains u, u̇, ü at its start, ü at its end, its length, and the middle Bernstein coefficient of u̇.
-The element model gives the path constraints and the cost as functions of z.
+The vector z (5 m + 1,) describes an element with m coordinates: u, u̇, ü at the start, ü at the end
+(m entries each), the length, and the middle Bernstein coefficient of u̇ (m entries). u̇ is a parabola
+in an element, and keeps a bound if its three Bernstein coefficients do. The element model
+(`elements.element.ElementModel`) gives the path constraints and the cost as functions of z.
 
 `solve_structured` is the main entry. It needs the compiled part of the package.
 """
@@ -47,12 +50,14 @@ NOT_CONVERGED = "Structured_Solver_Not_Converged"
 CENTRING_TOLERANCE = 1e-3
 """Largest relative deviation of slack · multiplier from the barrier weight, if Ipopt continues.
 
-Ipopt computes its multipliers from the slacks in this way.
+A slack is the distance of a constraint from its bound. Ipopt computes its first multipliers as
+barrier weight / slack. They are exact if the product of slack and multiplier is the barrier weight.
 """
 Equalities = tuple[Indices, Indices, Array]
-"""Given entries of the elements: index k of the element, index i in its vector z, and value.
+"""Equality constraints z_k[i] = value, as in `interior.problem.Program.equal`.
 
-There are three arrays (q,), one entry for each constraint z_k[i] = value, see `interior.Program`.
+For q constraints, these are three arrays (q,): the index k of the element (time interval), the
+index i of the entry of its vector z, and the value.
 """
 
 
@@ -67,9 +72,11 @@ def solve_structured(
     slow_barrier: bool = False,
     centred: bool = False,
 ) -> NlpSolution:
-    """Solve a program by the structured interior-point solver.
+    """Solve a nonlinear program by the structured interior-point solver.
 
-    The function tries `BARRIER_EXPONENTS` one after the other until the solver converges.
+    An interior-point solver adds a logarithmic barrier of the constraints to the objective, and
+    reduces its weight μ in steps μ → μ^e. The function tries the exponents e in `BARRIER_EXPONENTS`
+    one after the other until the solver converges.
 
     Parameters
     ----------
@@ -82,34 +89,38 @@ def solve_structured(
     start : (n, 4 m + 1) array
         Elements of a guess: u, u̇, ü at the start, ü at the end (m numbers each), and length.
     warm : NlpSolution or None
-        Structured solution of a similar program. The first attempt starts at its variables and
-        multipliers (a warm start). The other attempts start at the guess. None: all do.
+        Solution of a similar program by this solver. The first attempt starts at its variables and
+        multipliers (a warm start), and the other attempts start at the guess. None: all attempts
+        start at the guess.
     iterations : int
         Largest number of iterations of an attempt. Below `MAX_ITERATIONS`, only one exponent is
         tried.
     slow_barrier : bool
-        True if a path constraint has rounded edges. The barrier weight must then decrease slowly,
-        so the first of `BARRIER_EXPONENTS` is skipped.
+        True if the barrier weight must decrease slowly, because a path constraint has rounded
+        edges. The first of `BARRIER_EXPONENTS` is then skipped.
     centred : bool
-        True if the solver stops close to the central path, where slack · multiplier is the barrier
-        weight. Ipopt can then compute the multipliers from the slacks.
+        True if the solver must stop close to the central path. On this path, the product of the
+        slack (distance from the bound) and the multiplier is the barrier weight for every
+        constraint, so Ipopt can compute the multipliers from the slacks.
 
     Returns
     -------
     NlpSolution
-        The solution. Its message is `NOT_CONVERGED` if no attempt converged.
+        The solution of the first attempt that converged. If none did, the last iterate of the last
+        attempt with the message `NOT_CONVERGED`.
     """
     program = build_program(structure, element, data)
-    # The first attempt may start at a similar solution. The others start at the guess.
     state = None if warm is None else warm.structured_state
     total_iterations = 0
     initial = _initial_point(program, structure, data, start)
     accurate = structure.has_continuous_acceleration or len(data.least_times) == 1
+    # The first exponent is only reliable for these programs (see `BARRIER_EXPONENTS`).
     is_fast = accurate and not slow_barrier
     exponents: tuple[float, ...] = BARRIER_EXPONENTS if is_fast else BARRIER_EXPONENTS[1:]
     # A short solve has no time for several attempts.
     if iterations < MAX_ITERATIONS:
         exponents = exponents[:1]
+    # After a failed warm start, the same exponent is tried from the guess.
     for barrier_exponent in exponents if state is None else (exponents[0], *exponents):
         outcome = solve(
             program,
@@ -127,7 +138,7 @@ def solve_structured(
     return NlpSolution(
         "Solve_Succeeded" if outcome.converged else NOT_CONVERGED,
         structure,
-        outcome.z[:, : 4 * structure.coordinates + 1],
+        outcome.z[:, : 4 * structure.coordinates + 1],  # without the Bernstein coefficients
         total_iterations,
         solver="structured",
         structured_state=outcome.state,
@@ -141,20 +152,22 @@ def _multipliers(
 ) -> Multipliers:
     """Select the multipliers of path constraints and directions from those of all constraints.
 
+    A direction constraint is the bound of u̇ that forbids a coordinate u to reverse.
+
     Parameters
     ----------
     program : Program
         Program of the structured solver.
     structure : NlpStructure
-        Numbers n of elements and m of coordinates of this program.
+        Structure of this program with n elements (time intervals) and m coordinates.
     element : ElementModel
-        Its path constraints. Only their names are used.
+        Functions of one element. Only the names of its r path constraints are used.
     data : NlpData
-        Its bounds on u̇, which tell the directions of the coordinates.
-    rows : (all constraints,) array
-        Multipliers of the constraints in the order of `interior.Program.sizes`: those of the
-        groups (path constraints, breakaway constraints), then those of the linear constraints of
-        each element.
+        Bounds of the program. Those of u̇ determine the directions of the coordinates.
+    rows : (all inequality constraints,) array
+        Multipliers in the order of `interior.problem.Program.sizes`: those of the groups (path
+        constraints, then breakaway constraints), then those of the linear constraints of each
+        element. Further multipliers are not used.
 
     Returns
     -------
@@ -165,9 +178,10 @@ def _multipliers(
     sizes = [group.bound.size for group in program.groups]
     path_multipliers = rows[: sizes[0] if element.row_names else 0].reshape(n, -1)
     linear_multipliers = rows[sum(sizes) :][: program.bound.size].reshape(n, -1)
-    # `_linear_rows` contains `size` upper bounds: of u (optional), u̇, ü at the start, ü at the end
-    # and the middle Bernstein coefficient of u̇, m each. Their lower bounds and jerk follow. The
-    # multipliers of u̇ and of the Bernstein coefficient count, because both bound the velocity.
+    # For each element, `_linear_rows` contains `size` upper bounds: of u (optional), u̇, ü at the
+    # start, ü at the end, and the middle Bernstein coefficient of u̇, m each. Then follow as many
+    # lower bounds, and 2 m bounds of the jerk if it is limited. Both u̇ at the start and the
+    # Bernstein coefficient bound the velocity, so their multipliers are added.
     size = len(program.matrix) // 2 - m * (
         structure.has_continuous_acceleration and structure.coordinates_are_joints
     )
@@ -179,7 +193,7 @@ def _multipliers(
 
 
 def build_program(structure: NlpStructure, element: ElementModel, data: NlpData) -> Program:
-    """Convert a program to the form that the structured solver reads.
+    """Convert a nonlinear program to the form that the structured solver reads.
 
     Parameters
     ----------
@@ -193,11 +207,12 @@ def build_program(structure: NlpStructure, element: ElementModel, data: NlpData)
     Returns
     -------
     Program
-        The spline that joins the elements, the groups of nonlinear constraints, and the linear
-        constraints.
+        The spline whose coefficients are the unknowns, the nonlinear constraints in groups with the
+        same functions, and the linear constraints.
     """
     n, m = structure.elements, structure.coordinates
-    # A motion from rest to rest can be stretched in time without a change of the unknowns.
+    # A spline of a motion from rest to rest contains velocities relative to the duration. A change
+    # of the duration then stretches the whole motion (`Spline.stretched_from`).
     at_speed = data.lower[0, m : 2 * m].any() or data.end[m:].any()
     spline = Spline(
         "bspline" if structure.has_continuous_acceleration else "hermite",
@@ -217,8 +232,9 @@ def build_program(structure: NlpStructure, element: ElementModel, data: NlpData)
             )
         )
     if np.isfinite(data.breakaway_bound).any():
-        # A pair (k, j) contains the element k at whose start a joint breaks away, and the element j
-        # from which it takes its direction. All other parameters are those of element k.
+        # A joint breaks away (starts against static friction) at the start of element k, in the
+        # direction that it has in element j, for each pair (k, j). The directions σ are therefore
+        # those of element j, and all other parameters are those of element k.
         element_indices, direction_indices = np.array(structure.breakaways).T
         sigma, *other_parameters = data.element_parameters
         parameters = (
@@ -257,24 +273,25 @@ def _build_group(
     *,
     breakaway: bool = False,
 ) -> RowGroup:
-    """Build a group of constraints with the same functions for the structured solver.
+    """Build a group of nonlinear constraints that have the same compiled functions.
 
     Parameters
     ----------
     element : ElementModel
-        Path constraints, breakaway constraints and cost as functions of the motion in one element.
+        Path constraints, breakaway constraints and cost as functions of the motion in one element
+        (time interval).
     parameters : tuple of arrays
-        Constants of these functions, such as limits: (size,) for one vector that all elements
-        share, (n, size) otherwise.
-    elements : (n,) int array
-        Elements at which the constraints are imposed.
-    bound : (n, constraints) array
-        Upper bounds of the constraints.
+        Parameter vectors of these functions, for example the limits: (size,) for a vector that all
+        elements share, (q, size) otherwise.
+    elements : (q,) int array
+        Indices of the elements at which the constraints are imposed. An index may occur twice.
+    bound : (q, constraints) array
+        Upper bounds of the constraints at each of these elements.
     cost_weight : float
-        Weight of the cost in the objective.
+        Weight of the cost of these elements in the objective.
     breakaway : bool
-        True for the breakaway constraints (static friction where a joint may start). False for the
-        path constraints and the cost.
+        True for the breakaway constraints, which limit the motor torque of a joint that starts to
+        move against static friction. False for the path constraints and the cost.
 
     Returns
     -------
@@ -296,46 +313,52 @@ def _build_group(
 def _boundary_values(
     structure: NlpStructure, spline: Spline, data: NlpData
 ) -> tuple[Array, Array, Equalities]:
-    """Convert the boundary conditions to values of the spline's unknowns.
+    """Convert the given positions and velocities of a motion to values of the spline's unknowns.
+
+    A given value that equals one unknown fixes this unknown. A given value that depends on several
+    unknowns becomes an equality constraint.
 
     Parameters
     ----------
     structure : NlpStructure
-        Numbers of elements and coordinates, and in which elements a coordinate moves.
+        Numbers n of elements (time intervals) and m of coordinates u, and in which elements a
+        coordinate moves.
     spline : Spline
-        Spline whose coefficients are the unknowns. It has a number of coefficients (rows) for each
-        of the m coordinates.
+        Spline whose coefficients are the unknowns, `spline.rows` for each coordinate.
     data : NlpData
-        Bounds of the program.
+        Bounds of the program. Equal lower and upper bounds give a value.
 
     Returns
     -------
     free : (rows, m) mask
-        True for unknowns that the boundary conditions leave free.
+        True for unknowns that the given values leave free.
     values : (rows, m) array
         Values of the other unknowns. The entries of free unknowns have no meaning.
     equalities : Equalities
-        Boundary conditions that involve several unknowns. They become equality constraints.
+        Equality constraints for given values that depend on several unknowns.
     """
     n, m = structure.elements, structure.coordinates
+    # u and u̇ (2 m columns) at the starts of the n elements, and at the end of the motion, where all
+    # of them are given.
     is_fixed = np.vstack([data.is_fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
     state_values = np.vstack([data.lower[:, : 2 * m], data.end])
     equalities: list[tuple[Any, Any, Any]] = []
     if spline.kind == "hermite":
-        # The unknowns are u and u̇ at the ends of the elements.
+        # The unknowns are u and u̇ at the n + 1 ends of the elements, in two rows for each end.
         free = ~is_fixed.reshape(spline.rows, m)
         values = state_values.reshape(spline.rows, m)
     else:
         free = np.ones((spline.rows, m), dtype=bool)
         values = np.zeros((spline.rows, m))
-        # The coefficients of a coordinate that rests in an element are equal to its position.
+        # The four coefficients of a coordinate in an element in which it rests are its position.
         for k, i in np.argwhere(~structure.moving):
             free[spline.rows_of_elements[k], i] = False
             values[spline.rows_of_elements[k], i] = state_values[k, i]
-        # At both ends u is given and ü = 0, so the outermost coefficients are known if u̇ is 0 too.
-        # With another u̇, only the first one is known, and u̇ and ü become equality constraints. At
-        # the end of the motion, the middle Bernstein coefficient of u̇ (entry 4 m + 1 of z) replaces
-        # u̇, to which it is equal because ü = 0.
+        # At both ends of the motion u is given and ü = 0. If u̇ is 0 too, the three outermost
+        # coefficients are equal to u. With another u̇, only the outermost one is, and u̇ and ü become
+        # equality constraints. z contains u̇ only at the start of an element. At the end of the
+        # motion, the middle Bernstein coefficient of u̇ (entry 4 m + 1 of z) replaces it. Both are
+        # equal there, because ü = 0. The row n of `state_values` is the end of the motion.
         for rows, k, velocity, (velocity_entry, acceleration_entry) in (
             ([0, 1, 2], 0, state_values[0, m:], (m, 2 * m)),
             ([-1, -2, -3], n - 1, state_values[-1, m:], (4 * m + 1, 3 * m)),
@@ -356,10 +379,10 @@ def _boundary_values(
 def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, Any, Any]]:
     """Return the equality constraints of a jerk-limited motion at its via points.
 
-    A via point is a given point between the start and the end of the motion. The constraints fix
-    positions, and velocities 0, of coordinates that move before and after the point. A coordinate
-    that rests before or after the point needs no constraint, because its spline coefficients there
-    are no unknowns.
+    A via point is a given point between the start and the end of the motion. For a coordinate that
+    moves before and after the point, the constraints impose the given position, and the velocity 0
+    if the coordinate reverses there. A coordinate that rests before or after the point needs no
+    constraint, because its spline coefficients at the point are fixed already.
 
     Parameters
     ----------
@@ -371,10 +394,12 @@ def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, A
     Returns
     -------
     list of (int, int, float)
-        For each constraint the index of the element behind the point, the index of the entry of its
-        vector z (u, u̇, ü at the start, ü at the end, length), and the value of this entry.
+        For each constraint: the index of the element (time interval) that begins at the point, the
+        index of the entry in its vector z (u, then u̇ at the start), and the value of this entry.
     """
     m, moving = structure.coordinates, structure.moving
+    # The entries 0 to m − 1 of z are u, and the entries m to 2 m − 1 are u̇. Hence entry % m is the
+    # index of the coordinate.
     return [
         (k, entry, data.lower[k, entry])
         for k in structure.borders[1:]
@@ -384,11 +409,11 @@ def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, A
 
 
 def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
-    """Return the linear constraints A z ≤ b_k of the elements k.
+    """Return the linear constraints A z ≤ b_k of the elements (time intervals) k.
 
-    They bound u̇ at the start and in the middle of an element, ü and jerk, and u where a
-    coordinate may reverse. The bounds of u̇ in the middle apply to the middle Bernstein
-    coefficient, so that u̇ keeps them in the whole element.
+    They bound u̇ at the start of an element, the middle Bernstein coefficient of u̇, ü at both ends,
+    the jerk if it is limited, and u where a coordinate may reverse. u̇ is a parabola in an element,
+    so it keeps a bound in the whole element if all its Bernstein coefficients do.
 
     Parameters
     ----------
@@ -409,7 +434,8 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     n, m = structure.elements, structure.coordinates
     is_bounded = data.needs_position_bounds(structure)
     v_min, _ = data.velocity
-    # Without bounds of u, its columns are left out.
+    # Columns of the entries of z that have bounds: all except the length (index 4 m), and without u
+    # (the first m entries) if no element needs bounds of u.
     offset = 0 if is_bounded.any() else m
     columns = np.r_[offset : 4 * m, 4 * m + 1 : 5 * m + 1]
     identity = np.eye(5 * m + 1)[columns]
@@ -420,7 +446,8 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     matrix = np.vstack([identity, -identity])
     bound = np.hstack([upper, -lower])
     if structure.has_continuous_acceleration and structure.coordinates_are_joints:
-        # |ü(h) − ü(0)| ≤ jerk · h as two rows, multiplied by n / jerk.
+        # |ü(h) − ü(0)| ≤ jerk · h as two rows for each coordinate. They are divided by jerk / n,
+        # because n h is about 1. All rows then have values of similar size.
         rise = np.zeros((m, 5 * m + 1))
         rise[:, 2 * m : 3 * m] = np.diag(-n / data.jerk)
         rise[:, 3 * m : 4 * m] = np.diag(n / data.jerk)
@@ -434,10 +461,10 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
 def _initial_point(
     program: Program, structure: NlpStructure, data: NlpData, elements: Array
 ) -> Point:
-    """Return the initial point of the solver: the guess, slowed down by `GUESS_SLOWDOWN`.
+    """Convert the guess of a motion to the initial point of the solver, and slow the motion down.
 
-    The slower motion violates fewer limits. A motion with a given range of durations is not slowed
-    down.
+    The guess is slowed down by the factor `GUESS_SLOWDOWN`, because a slower motion violates fewer
+    limits. It is not slowed down if the program bounds the total duration.
 
     Parameters
     ----------
@@ -453,10 +480,11 @@ def _initial_point(
     Returns
     -------
     Point
-        Coefficients of the spline, and durations of the blocks in scaled time.
+        Coefficients of the spline, and durations of the blocks in scaled time. A block is a group
+        of elements that share one unknown duration.
     """
     m = structure.coordinates
-    # The solver starts inside the bounds of the durations.
+    # The solver must start strictly inside the bounds of the durations, so a small margin is added.
     times = np.maximum(structure.times(elements[:, -1]), 1.001 * data.least_times)
     if data.duration == (0.0, np.inf):
         elements, times = stretched(elements, GUESS_SLOWDOWN), times * GUESS_SLOWDOWN

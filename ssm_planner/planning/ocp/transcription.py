@@ -1,11 +1,14 @@
 """Nonlinear program of every optimised motion for Ipopt, by direct transcription.
 
-Direct transcription replaces the unknown motion by cubic polynomials on the elements of a mesh, and
-imposes the path constraints at a few instants of each element (collocation points). A motion along
-a path has one coordinate, the path parameter s. The coordinates of a free motion are its moving
-joints. `Transcription.build` states the program from top to bottom. Only the element model (the
-path constraints and the cost as functions of the motion in one element) differs between both kinds
-of motion.
+Direct transcription replaces the unknown motion by cubic polynomials on the elements (time
+intervals) of a mesh, and imposes the path constraints at three instants of each element, the
+collocation points. A motion along a given path has one coordinate u, the path parameter s. The
+coordinates of a free motion are its moving joints. `Transcription.build` states the program, which
+is the same for both kinds of motion. Only the element model differs, that is, the path constraints
+and the cost as functions of the motion in one element.
+
+Source: J. T. Betts, Practical Methods for Optimal Control and Estimation Using Nonlinear
+Programming, SIAM, 2010.
 """
 
 from collections.abc import Callable
@@ -43,11 +46,11 @@ The term makes the mesh unique if blocks could have different durations in the s
 
 @frozen
 class Transcription:
-    """Nonlinear program for Ipopt, for one structure and one set of element functions.
+    """Nonlinear program for Ipopt, for one structure of the mesh and one element model.
 
-    The element functions (element model) are the path constraints and the cost of one time interval
-    of the mesh. All numbers in `NlpData` are parameters or bounds, so one program serves many
-    problems.
+    The element model contains the path constraints and the cost as functions of the motion in one
+    element (time interval). All numbers in `NlpData` are parameters or bounds of the program, so
+    one program serves many problems.
     """
 
     structure: NlpStructure
@@ -64,7 +67,7 @@ class Transcription:
     parameters: Layout = field(compare=False)
     """Names and positions of the parameters of the program itself, which are fields of `NlpData`.
 
-    In the vector p of all parameters, they follow the constants of the element functions.
+    In the vector p of all parameters, they follow the parameters of the element model.
     """
     sizes: dict[str, int] = field(compare=False)
     """Number of constraints in every group, by name, in the order of the groups.
@@ -75,20 +78,10 @@ class Transcription:
     @classmethod
     @lru_cache(maxsize=12)
     def build(cls, structure: NlpStructure, element: ElementModel) -> "Transcription":
-        """Build the program and its solvers. Equal structures and models share the result.
+        """Build the nonlinear program and its Ipopt solvers.
 
-        A block is a group of consecutive elements that share one unknown duration in fixed
-        proportion. With n elements k, m coordinates u and b blocks of duration T, the program is
-
-            min   w_t Σ T + w_c Σ L(z_k) + 3 w_s Σ ∫ (ü/limit)² dt + w_v var(T / T_least)
-            s.t.  u, u̇ continuous, ü too if jerk is limited;
-                  bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
-
-        with w_s = `SMOOTHING_WEIGHT`, w_v = `BLOCK_VARIANCE_WEIGHT`, and the weights w_t
-        and w_c in `NlpData.weights`. z_k contains u, u̇, ü at the start, ü at the end, and
-        length of element k. The path constraints G and the cost L (heat or effort) follow
-        from the element model. Matrices have the shape (coordinates, elements), because
-        CasADi maps functions over columns.
+        The result is cached: calls with an equal structure and element model return the same
+        object.
 
         Parameters
         ----------
@@ -100,7 +93,21 @@ class Transcription:
         Returns
         -------
         Transcription
-            The program, from which `solve` starts Ipopt with the numbers of one problem.
+            The program. Its method `solve` starts Ipopt with the numbers of one problem.
+
+        Notes
+        -----
+        A block is a group of consecutive elements that share one unknown duration in fixed
+        proportion. With n elements k, m coordinates u and b blocks of duration T, the program is
+
+            min   w_t Σ T + w_c Σ L(z_k) + 3 w_s Σ ∫ (ü/limit)² dt + w_v var(T / T_least)
+            s.t.  u, u̇ continuous, ü too if jerk is limited;
+                  bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
+
+        with w_s = `SMOOTHING_WEIGHT`, w_v = `BLOCK_VARIANCE_WEIGHT`, and the weights w_t and w_c in
+        `NlpData.weights`. z_k contains u, u̇, ü at the start, ü at the end, and length of element k.
+        The element model gives the path constraints G and the cost L (heat or effort). Matrices
+        have the shape (coordinates, elements), because CasADi maps functions over columns.
         """
         symbols = ProgramSymbols.build(structure, element)
         duration = ca.sum1(symbols.times)
@@ -108,8 +115,9 @@ class Transcription:
             structure, symbols.cubic, symbols.times, symbols.p
         )
 
-        # Constraints other than the path constraints, which `build_solvers` adds with the costs.
-        # The boundary conditions are bounds of the variables (`BoundaryConditions`).
+        # All constraints except the path constraints. `build_solvers` adds the path constraints and
+        # the costs of the elements. The boundary conditions at the start and at the borders are
+        # bounds of the variables (`BoundaryConditions`).
         constraints = {
             "dynamics": _dynamics_constraints(structure, symbols.cubic, symbols.p.end),
             **_joint_limit_constraints(structure, symbols.cubic, symbols.p.jerk),
@@ -135,17 +143,23 @@ class Transcription:
         Parameters
         ----------
         data : NlpData
-            Parameters and bounds.
+            Parameters and bounds of the program.
         elements : (n, 4 m + 1) array
-            Initial point: u, u̇, ü at the start, ü at the end (m numbers each), and length of each
-            element.
+            Motion at which Ipopt starts: u, u̇, ü at the start, ü at the end (m numbers each), and
+            length of each element (time interval).
         confirming : bool
-            True if the initial point is a solution of the structured solver.
+            True if this motion is a solution of the structured solver (`ocp.structured`), which
+            Ipopt is to confirm. Other options and bounds then apply.
 
         Returns
         -------
         NlpSolution
             The solution, or Ipopt's status of the failure.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If the user interrupts Ipopt.
         """
         n, m = self.structure.elements, self.structure.coordinates
         start_kind: Start = "cold"
@@ -153,6 +167,7 @@ class Transcription:
             start_kind, data = "confirming", self._without_implied_bounds(data)
         result, stats = run_ipopt(self.solver(start_kind), **self._inputs(data, elements))
         if self.native is not None:
+            # Exceptions in the C functions do not pass through Ipopt. `check` raises them here.
             self.native.check()
         x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
         # The variables are u, u̇, ü at the start and ü at the end of every element, then the
@@ -165,6 +180,7 @@ class Transcription:
             self.structure,
             elements,
             iterations=int(stats["iter_count"]),
+            # The larger one of Ipopt's primal and dual infeasibility after the last iteration.
             residual=max(stats["iterations"][name][-1] for name in ("inf_pr", "inf_du")),
             objective=float(result["f"]),
             multipliers=self._multipliers(data, lam_x, lam_g),
@@ -175,17 +191,20 @@ class Transcription:
     ) -> Multipliers:
         """Select the multipliers of path constraints and directions from CasADi's multipliers.
 
+        A direction constraint is the bound of u̇ that forbids a coordinate u to reverse.
+
         Parameters
         ----------
         data : NlpData
-            Bounds of the program.
+            Bounds of the program. Those of u̇ determine the directions of the coordinates.
         variable_multipliers : (4 m n + b,) array
             Multipliers of the bounds on the variables: u, u̇, ü at the start and ü at the end of
             each of n elements (m numbers each), and the durations of b blocks. They are negative at
             lower bounds.
-        constraint_multipliers : array
-            Multipliers of the bounds on all constraints, in the order of the groups in `sizes`,
-            followed by the path constraints. They are negative at lower bounds.
+        constraint_multipliers : (sum of `sizes` + 3 r n,) array
+            Multipliers of the bounds on all constraints: the groups in the order of `sizes`, then
+            the r path constraints at start, middle and end of each element. They are negative at
+            lower bounds.
 
         Returns
         -------
@@ -193,28 +212,31 @@ class Transcription:
             Multipliers of the path constraints, (n, 3 r), and of the directions, (n, m).
         """
         n, m = self.structure.elements, self.structure.coordinates
-        # Multipliers of the bounds on the middle Bernstein coefficient of u̇.
+        # Multipliers of the bounds on the middle Bernstein coefficient of u̇. They follow those of the
+        # group "dynamics".
         middle = np.zeros((n, m))
         start = self.sizes["dynamics"]
         limited = self.structure.moving & self.structure.velocity_limits
         middle[limited] = constraint_multipliers[start : start + self.sizes["velocity"]]
-        # Those of the bounds on u̇ at the start. A fixed u̇ has a multiplier too, but it has no bound
-        # that forbids a reversal.
+        # Multipliers of the bounds on u̇ at the start of the elements, in the columns m to 2 m − 1. A
+        # fixed u̇ has a multiplier too, but no bound that forbids a reversal.
         at_start = np.where(
             data.is_fixed, 0.0, variable_multipliers[: 4 * m * n].reshape(n, 4 * m)
         )[:, m : 2 * m]
         signed = np.stack([at_start, middle])
+        # Both bound the velocity, so their multipliers are added. Both results are ≥ 0.
         lower, upper = (np.maximum(sign * signed, 0.0).sum(axis=0) for sign in (-1, 1))
         rows = np.maximum(constraint_multipliers[sum(self.sizes.values()) :], 0.0).reshape(n, -1)
         return Multipliers.of_bounds(data, lower, upper, rows, frozenset(self.element.row_names))
 
     def _without_implied_bounds(self, data: NlpData) -> NlpData:
-        """Remove bounds of the positions u that follow from other constraints.
+        """Return the data without those bounds of the positions u that other constraints imply.
 
-        A coordinate that keeps its direction stays between its positions at both ends of a segment
-        (the part of a motion in which no joint reverses) anyway. The structured solver does not
-        have these bounds either. When Ipopt confirms a solution of that solver, the logarithmic
-        barrier of superfluous bounds would move the point at which Ipopt stops.
+        In a segment (a part of the motion in which no coordinate reverses), each coordinate stays
+        between its positions at both ends, because it keeps its direction. Further bounds of u are
+        superfluous. The structured solver does not have them. When Ipopt confirms a solution of
+        that solver, the logarithmic barrier of such bounds would move the point at which Ipopt
+        stops.
 
         Parameters
         ----------
@@ -224,7 +246,7 @@ class Transcription:
         Returns
         -------
         NlpData
-            A copy in which the bounds that are not needed are infinite.
+            A copy in which the superfluous bounds are infinite.
         """
         positions = slice(self.structure.coordinates)
         needed = data.needs_position_bounds(self.structure) | data.is_fixed[:, positions]
@@ -234,21 +256,21 @@ class Transcription:
         return replace(data, lower=lower, upper=upper)
 
     def _inputs(self, data: NlpData, elements: Array) -> dict[str, Array]:
-        """Return the arguments with which CasADi calls the solver, by their names in `nlpsol`.
+        """Collect the arguments of CasADi's solver by their names in `casadi.nlpsol`.
 
         Parameters
         ----------
         data : NlpData
-            Parameters and bounds.
+            Parameters and bounds of the program.
         elements : (n, 4 m + 1) array
-            Initial point: u, u̇, ü at the start, ü at the end (m numbers each), and length of each
-            element.
+            Motion at which the solver starts: u, u̇, ü at the start, ü at the end (m numbers each),
+            and length of each element (time interval).
 
         Returns
         -------
-        dict
-            x0: initial variables. p: parameters. lbx, ubx: bounds of the variables. lbg, ubg:
-            bounds of the constraints.
+        dict of arrays
+            Initial values `x0` of the variables, parameters `p`, lower and upper bounds `lbx` and
+            `ubx` of the variables, and lower and upper bounds `lbg` and `ubg` of the constraints.
         """
         limited = self.structure.moving & self.structure.velocity_limits
         # Lower and upper bounds of the groups of constraints, by the names in `sizes`.
@@ -260,6 +282,7 @@ class Transcription:
             "duration": data.duration,
         }
         path_bound = data.path_bound.ravel()
+        # One bound may apply to a whole group, so it is repeated for each constraint of the group.
         lower, upper = (
             [np.broadcast_to(bounds[name][end], size) for name, size in self.sizes.items()]
             for end in (0, 1)
@@ -279,11 +302,13 @@ class Transcription:
 
 
 def _regularisation(structure: NlpStructure, cubic: CubicPiece, times: ca.MX, p: Any) -> ca.MX:
-    """Return the two terms of the objective that make the solution unique.
+    """Build the two terms of the objective that make the solution unique.
 
-    They are 3 SMOOTHING_WEIGHT Σ ∫ r² dt with r = ü/limit, if the coordinates are joints, and
-    BLOCK_VARIANCE_WEIGHT times the variance of the blocks' durations. ü is linear in an element, so
-    that 3 ∫ r² dt = h (r0² + r0 r1 + r1²).
+    The first term is 3 SMOOTHING_WEIGHT Σ ∫ r² dt with r = ü/limit. It is 0 unless the coordinates
+    are joints. ü is linear in an element (time interval) of length h, so 3 ∫ r² dt =
+    h (r0² + r0 r1 + r1²), with r0 at the start and r1 at the end. The second term is
+    BLOCK_VARIANCE_WEIGHT times the variance of T / T_least, with the duration T of each block (a
+    group of elements) and its lower bound T_least.
 
     Parameters
     ----------
@@ -294,8 +319,8 @@ def _regularisation(structure: NlpStructure, cubic: CubicPiece, times: ca.MX, p:
     times : (b,) MX
         Durations of the blocks.
     p
-        Parameters of the program by name. The limits `acceleration` of ü and the lower bounds
-        `least_times` of the durations are used.
+        Parameters of the program as attributes. Only the limits `acceleration` of ü, (m,), and the
+        lower bounds `least_times` of the durations, (b,), are used.
 
     Returns
     -------
@@ -314,10 +339,11 @@ def _regularisation(structure: NlpStructure, cubic: CubicPiece, times: ca.MX, p:
 
 
 def _dynamics_constraints(structure: NlpStructure, cubic: CubicPiece, end: ca.MX) -> ca.MX:
-    """Return the differences of u and u̇ (and ü if jerk is limited) between neighbouring elements.
+    """Build the differences of u and u̇ between the end of each element and the start of the next.
 
-    The program requires that they are 0. The end of the last element is compared with the end of
-    the motion. Without a jerk limit, ü may jump.
+    The program requires that they are 0, so u and u̇ are continuous. The end of the last element
+    (time interval) is compared with the given end of the motion. If jerk is limited, the
+    differences of ü are included. Otherwise ü may jump.
 
     Parameters
     ----------
@@ -326,12 +352,13 @@ def _dynamics_constraints(structure: NlpStructure, cubic: CubicPiece, end: ca.MX
     cubic : CubicPiece
         The elements, whose fields have the shape (m, n) for m coordinates and n elements.
     end : (2 m,) MX
-        u and u̇ at the end of the motion, m numbers each.
+        Given u and u̇ at the end of the motion, m numbers each.
 
     Returns
     -------
-    MX
-        Differences as one vector. Coordinates at rest contribute none.
+    (rows,) MX
+        Differences of u, of u̇, and of ü. A coordinate contributes none for elements in which it
+        rests.
     """
     m, moving = structure.coordinates, structure.moving
     u_after, v_after = cubic.end
@@ -349,12 +376,13 @@ def _dynamics_constraints(structure: NlpStructure, cubic: CubicPiece, end: ca.MX
 def _joint_limit_constraints(
     structure: NlpStructure, cubic: CubicPiece, jerk: ca.MX
 ) -> dict[str, ca.MX]:
-    """Return the constraints of velocity and jerk, by name.
+    """Build the constraints of velocity and jerk within each element.
 
-    "velocity" contains the middle Bernstein coefficient of u̇ in each element. The outer
-    coefficients are u̇ at both ends, which are variables with bounds. If all three keep a bound, u̇
-    keeps it in the whole element. "jerk" contains |ü(h) − ü(0)| − jerk · h as two constraints,
-    which must not be positive.
+    An element is a time interval of length h, in which u̇ is a parabola. The group "velocity"
+    contains the middle Bernstein coefficient of u̇. The two outer coefficients are u̇ at both ends,
+    which are variables with bounds. If all three coefficients keep a bound, u̇ keeps it in the whole
+    element. The group "jerk" contains |ü(h) − ü(0)| − jerk · h as two constraints, which must not
+    be positive.
 
     Parameters
     ----------
@@ -367,8 +395,8 @@ def _joint_limit_constraints(
 
     Returns
     -------
-    dict
-        Two vectors, "velocity" and "jerk". A limit that does not apply contributes no entries.
+    dict of MX
+        The vectors "velocity" and "jerk". A limit that does not apply contributes no entries.
     """
     moving = structure.moving
     jerk_limited = moving & (
@@ -388,25 +416,26 @@ def _joint_limit_constraints(
 def _breakaway_constraints(
     structure: NlpStructure, element: ElementModel, symbols: ProgramSymbols
 ) -> ca.MX:
-    """Return the torque constraints of joints that start to move, with static friction.
+    """Build the torque constraints of joints that start to move, with static friction.
 
     Static friction exceeds the friction in motion. The motor of a joint that starts or reverses
-    must overcome it (break away), so this instant has constraints of its own.
+    must overcome it (the joint breaks away), so this instant has torque constraints of its own.
 
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program. Its pairs `breakaways` state the element at whose beginning a
-        joint may start, and the element from which the joint takes its direction.
+        Structure of the program. Each of its pairs `breakaways` contains the element (time
+        interval) at whose beginning a joint may start, and the element that has the direction in
+        which it starts.
     element : ElementModel
-        Functions of one element. Its method `breakaway` contains the friction law.
+        Functions of one element. Its `breakaway` contains the friction law.
     symbols : ProgramSymbols
         Variables and parameters of the program.
 
     Returns
     -------
-    MX
-        Constraints of all pairs as one vector.
+    (rows,) MX
+        Constraints of all pairs, pair after pair.
     """
     sigma, *other_parameters = symbols.element_parameters
     rows = []
@@ -417,31 +446,43 @@ def _breakaway_constraints(
 
 
 def clear_program_cache() -> None:
-    """Clear the cache of `Transcription.build`, in order to free memory."""
+    """Delete the programs that `Transcription.build` keeps for later calls, to free memory."""
     Transcription.build.cache_clear()
 
 
 def _select_entries(values: ca.MX, mask: Any) -> ca.MX:
-    """Return the selected entries of a matrix as one vector, element after element.
+    """Return the selected entries of a matrix as one vector.
 
     Parameters
     ----------
     values : (m, n) MX
-        One column for each element.
+        Values of m coordinates in n elements (time intervals), one column for each element.
     mask : (n, m) mask
-        True for selected entries.
+        True for selected entries. Its axes are transposed, as in `NlpStructure.moving`.
+
+    Returns
+    -------
+    (selected entries,) MX
+        The entries of the first element, then those of the second one, and so on.
     """
+    # `ca.vec` stacks the columns, so the mask is read row by row.
     return ca.vec(values)[np.flatnonzero(mask).tolist()]
 
 
 def _parameter_column(parameter: ca.MX, k: int) -> ca.MX:
-    """Return a parameter vector of element k.
+    """Return one parameter vector of element k.
 
     Parameters
     ----------
     parameter : (size, n) or (size, 1) MX
-        Vectors of all elements as columns, or one vector that all elements share.
+        Vectors of all n elements (time intervals) as columns, or one vector that all elements
+        share.
     k : int
         Index of the element.
+
+    Returns
+    -------
+    (size, 1) MX
+        The vector.
     """
     return parameter if parameter.size2() == 1 else parameter[:, k]
