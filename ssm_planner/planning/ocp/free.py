@@ -1,7 +1,8 @@
 """Optimisation of free motions, in which the solver chooses the joint path between given points.
 
 `solve_free` builds the mesh and the initial guess, and solves the optimal control problem
-(`free_problem`). `phase_planner` calls it for each candidate of a free motion.
+(`free_problem`). `phase_planner` calls it for each candidate, that is, for each way to make a free
+motion, for example with other reversals of joints.
 """
 
 from dataclasses import replace
@@ -48,8 +49,8 @@ def solve_free(
 ) -> PhaseSolution:
     """Compute the free motion of a phase that is best for the objective of its problem.
 
-    A phase is an entry of the problem's motion list with its joint positions. A free motion is not
-    bound to a given path: the solver chooses the joint path between the points of the phase.
+    A phase is an entry of the problem's motion list with its joint positions. In a free motion, the
+    solver chooses the joint path between the points of the phase.
 
     Parameters
     ----------
@@ -58,22 +59,24 @@ def solve_free(
     strict : Robot or None
         The robot with tighter limits, which the motion must keep. None: that of the problem.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time, for a problem whose motors get too hot.
+        Weights of the motors' heat relative to time, for a problem whose motors get too hot: the
+        seconds of duration that are worth one second of a motor at its nominal torque.
     count : int or None
-        Approximate number of mesh elements. None: chosen by the kind of motion.
+        Approximate number of mesh elements (time intervals). None: chosen by the kind of motion.
     method : str
         Solution method: "Ipopt" alone, "structured" (the structured solver alone), "confirmed" (the
         structured solver, whose result Ipopt confirms), or "estimated" (only the duration counts).
     borders : Borders or None
-        Positions between which no joint reverses, in place of the points of the phase. None: joints
-        may only reverse at these points.
+        Positions between which no joint reverses. They include the points of the phase. None: only
+        these points, so joints reverse nowhere else.
     cutoff : float
-        Duration in s. A solution that takes longer is not refined further, because it is of no use.
+        Duration in s beyond which a motion is of no use. Such a motion is not refined further, so
+        it may violate limits.
     fastest_only : bool
-        True to return the fastest motion as the first solver computes it, for example to compare
-        different ways to move (candidates). `find_best_free` continues from this result.
+        True to return the fastest motion without confirmation, for example to compare different
+        ways to make the motion. `find_best_free` continues from this result.
     work : Work or None
-        Counter of the computational work.
+        Counter to which the computational work is added. None: the work is not counted.
 
     Returns
     -------
@@ -108,16 +111,17 @@ def solve_free(
 
 
 def find_best_free(motion: PhaseSolution, cutoff: float = np.inf) -> PhaseSolution:
-    """Compute the motion that is best for the objective, starting from the fastest motion.
+    """Compute the free motion that is best for the objective, starting from the fastest motion.
 
-    Ipopt confirms the result if the solution method of the fastest motion is "confirmed".
+    If the solution method of the fastest motion is "confirmed", Ipopt confirms the result.
 
     Parameters
     ----------
     motion : PhaseSolution
-        Result of `solve_free` with `fastest_only`.
+        The fastest motion, a result of `solve_free` with `fastest_only`.
     cutoff : float
-        Duration in s beyond which a motion is of no use.
+        Duration in s beyond which a motion is of no use. If the fastest motion takes longer, it is
+        the result.
 
     Returns
     -------
@@ -136,9 +140,10 @@ def find_best_free(motion: PhaseSolution, cutoff: float = np.inf) -> PhaseSoluti
 
 @keyword_record
 class _FreeProblemBuilder:
-    """Builder of the optimal control problem of a free motion: its mesh and its initial guess.
+    """Builder of the optimal control problem of a free motion, with its mesh and initial guess.
 
-    The mesh divides the motion into elements (time intervals). `build` returns the problem.
+    The mesh divides the motion into elements (time intervals). The method `build` returns the
+    problem.
     """
 
     phase: Phase
@@ -146,7 +151,7 @@ class _FreeProblemBuilder:
     displacements: Array
     """Displacements of the joints from each point to the next one, (k, 4), rad and m."""
     limits: dict[str, Array]
-    """Limits of the joints by their names in `elements.rows.LIMIT_SIZES`, (4,) each."""
+    """Limits of the joints by their names in `elements.rows.LIMIT_SIZES`, (4,) each, in SI units."""
     method: Method
     """Solution method "Ipopt", "structured", "confirmed" or "estimated"."""
     borders: Borders
@@ -161,10 +166,12 @@ class _FreeProblemBuilder:
 
     @property
     def is_structured(self) -> bool:
-        """True if the structured solver (`ocp.structured`) solves the problem first, not Ipopt.
+        """True if the structured solver (`ocp.structured`) solves the problem first, False if Ipopt.
 
-        If jerk is limited, the structured solver can only begin at q̈ = 0. An estimate of the
-        duration ignores another initial acceleration.
+        If jerk is limited, the motion may begin at an acceleration that is not 0, but the structured
+        solver can only begin at 0. Ipopt then solves the problem. A problem that is only solved to
+        estimate the duration goes to the structured solver anyway, which ignores the initial
+        acceleration.
         """
         return self.method == "estimated" or (
             self.method != "Ipopt" and not self.phase.qdd_start.any()
@@ -172,20 +179,21 @@ class _FreeProblemBuilder:
 
     @property
     def least_count(self) -> int:
-        """Smallest number of elements between two switching points.
+        """Smallest number of elements (time intervals) between two switching points.
 
         A switching point is an instant at which the acceleration of a joint (with a jerk limit: its
-        jerk) jumps in the guess.
+        jerk) jumps in the guess. A motion through 16 or more segments has so many switching points
+        that one element between them must suffice.
         """
         return 2 if len(self.displacements) < 16 else 1
 
     @property
     def default_count(self) -> int:
-        """Default number of mesh elements of the motion.
+        """Default number of mesh elements (time intervals) of the motion.
 
-        Two kinds of motions get a finer mesh: motions between two points that Ipopt confirms, and
-        jerk-limited motions that begin or end at speed, because their initial acceleration must end
-        within one element.
+        Two kinds of motions get a finer mesh. One is a motion from rest to rest between two points
+        without free reversals, if Ipopt confirms it. The other is a jerk-limited motion that begins
+        or ends at speed, because its initial acceleration must end within one element.
         """
         at_rest = self.phase.begins_and_ends_at_rest
         confirmed = self.method == "confirmed" and at_rest and not self.borders.free
@@ -198,35 +206,41 @@ class _FreeProblemBuilder:
         )
 
     def elements_per_segment(self, count: int) -> int:
-        """Return the approximate number of elements between two neighbouring points.
+        """Compute the approximate number of elements between two neighbouring points of the motion.
 
-        An element is a time interval in which the joints follow cubic polynomials.
+        A motion between two points has `count` elements (time intervals). A motion through more
+        points has about twice as many in all, and at least 8 between two neighbouring points.
 
         Parameters
         ----------
         count : int
-            Number of elements of a motion between two points. A motion through more points gets
-            twice as many in all, and at least 8 between two neighbouring points.
+            Number of elements of a motion between two points.
+
+        Returns
+        -------
+        int
+            Number of elements between two neighbouring points.
         """
         return (
             max(2 * count // len(self.displacements), 8) if len(self.displacements) > 1 else count
         )
 
     def chain(self, per_segment: int) -> SegmentChain:
-        """Build the chain of segments with their guesses. No joint reverses within a segment.
+        """Build all segments of the motion with their initial guesses.
 
-        There is also a border between two segments where the tip passes the port (incision) of an
-        eye, because the distance to the retina is only limited inside.
+        A segment is a part of the motion in which no joint reverses. A segment also ends where the
+        tip passes the port (incision) of an eye, because the distance to the retina is only limited
+        inside the eye.
 
         Parameters
         ----------
         per_segment : int
-            Approximate number of elements between two points.
+            Approximate number of elements (time intervals) between two points of the motion.
 
         Returns
         -------
         SegmentChain
-            All segments of the motion, in the order of time.
+            The segments in the order of time.
         """
         chain = SegmentChain.joined(self._chains(per_segment), self.borders.free)
         eye, mechanism = self.phase.problem.eye, self.phase.mechanism
@@ -234,29 +248,40 @@ class _FreeProblemBuilder:
             return chain
 
         def is_outside(q: Array) -> bool:
-            """Return True if only the port of the eye allows the position of the tip at q (4,)."""
+            """Return True if the tip is closer to the retina than allowed, or outside of the eye.
+
+            Only the port of the eye permits such a position. The function reads `eye` and
+            `mechanism` from the enclosing method.
+
+            Parameters
+            ----------
+            q : (4,) array
+                Joint positions, rad and m.
+            """
             return bool(retina_constraint(NUMPY, eye, tip_position(mechanism, q[None])[0]) > 0)
 
         return chain.divided_at_port(eye.port, is_outside, self.least_count)
 
     def _chains(self, per_segment: int) -> list[SegmentChain]:
-        """Build the segments and guesses of the motion, one chain for each pair of points.
+        """Build the segments and guesses between each pair of neighbouring borders.
 
-        If a joint reverses between two points because of its velocities there, the chain of this
-        pair has several segments.
+        The borders are the points of the motion, and further reversals. A segment is a part of the
+        motion in which no joint reverses. If the velocities at two borders make a joint reverse
+        between them, several segments lie between these borders.
 
         Parameters
         ----------
         per_segment : int
-            Approximate number of elements between two points.
+            Approximate number of elements (time intervals) between two borders.
 
         Returns
         -------
         list of SegmentChain
-            Chains in the order of time. Each begins at the point at which the previous one ends.
+            The segments between the first two borders, then those between the next two, and so on.
+            Each chain begins where the previous one ends.
         """
         displacements, borders = self.displacements, self.borders
-        # If the reversals are known, the guess is a motion that contains them.
+        # If an earlier motion has suggested the reversals, the guess is sampled from this motion.
         if borders.guess is not None:
             count = per_segment * len(displacements)
             return sampled_guesses(borders, count=count, least_count=self.least_count)
@@ -264,6 +289,8 @@ class _FreeProblemBuilder:
         if via_velocity is None:
             via_velocity = np.zeros((len(displacements) - 1, 4))
         phase = self.phase
+        # Joint velocities at all borders, (k + 1, 4), and limits of velocity, acceleration and jerk,
+        # (3, 4).
         speeds = np.vstack([phase.qd_start, via_velocity, phase.qd_end])
         kinematic_limits = np.stack([self.limits[name] for name in KINEMATIC_LIMITS])
         if not self.jerk:
@@ -282,10 +309,11 @@ class _FreeProblemBuilder:
         ]
 
     def build(self, count: int | None) -> FreeProblem:
-        """Build the optimal control problem, with the duration of its guess as the unit of time.
+        """Build the optimal control problem of the motion, with its mesh and its initial guess.
 
-        In this unit, the duration of the motion is about 1, however many seconds it takes. The
-        guess is a motion in closed form, or an earlier motion that suggested reversals of joints.
+        The guess is a motion in closed form, or an earlier motion that suggested reversals of
+        joints. Its duration is the unit of time of the problem. In this unit, the duration of the
+        solution is about 1.
 
         Parameters
         ----------
@@ -295,7 +323,7 @@ class _FreeProblemBuilder:
         Returns
         -------
         FreeProblem
-            The problem. Its property `guess` contains the initial motion.
+            The problem. Its property `guess` contains the initial guess.
         """
         chain = self.chain(self.elements_per_segment(count or self.default_count))
         one_block_per_segment = self._has_one_block_per_segment(chain)
@@ -303,6 +331,7 @@ class _FreeProblemBuilder:
             one_block_per_segment=one_block_per_segment, has_continuous_acceleration=self.jerk
         )
         lengths = np.concatenate([guess.elements.h[:, 0] for guess in chain.guesses])
+        # `lengths` are the lengths of all elements of the guess in s, (n,).
         return FreeProblem(
             structure=structure,
             lengths=lengths / lengths.sum(),
@@ -317,20 +346,28 @@ class _FreeProblemBuilder:
         )
 
     def _has_one_block_per_segment(self, chain: SegmentChain) -> bool:
-        """Return True if the duration of each segment is one unknown of the program.
+        """Decide whether the duration of each segment is a single unknown of the program.
 
-        Otherwise each arc between two switching points (instants at which the acceleration of a
-        joint jumps in the guess) has its own duration. With one unknown, the joints switch at the
-        same fractions of the segment's duration as in the guess. The
-        structured solver then converges more often, but the motion may be longer.
+        A segment is a part of the motion in which no joint reverses. With a single unknown, the
+        joints switch at the same fractions of the segment's duration as in the guess. The
+        structured solver then converges more often, but the motion may be longer. Otherwise each
+        arc has a duration of its own. An arc lies between two switching points, that is, instants
+        at which the acceleration of a joint (with a jerk limit: its jerk) jumps in the guess.
 
         Parameters
         ----------
         chain : SegmentChain
             Segments of the motion.
+
+        Returns
+        -------
+        bool
+            True for a single unknown, False for one unknown for each arc.
         """
         if not self.is_structured or self.method == "estimated" or self.borders.guess is not None:
             return self.is_structured
-        # A jerk-limited motion with one duration per segment is up to 0.13 % longer.
+        # Ports are no reversals. Other borders with a free position are.
         reverses = not np.delete(chain.fixed, chain.ports, axis=0).all()
+        # With a single unknown for each segment, a jerk-limited motion through several points would be
+        # up to 0.13 % longer.
         return not reverses and not (self.jerk and len(self.displacements) > 1)

@@ -1,20 +1,23 @@
 """Values that describe a nonlinear program: structure, boundary conditions, data and solution.
 
-These values are the common language of the optimal control problems (`free_problem`, `straight`),
-which create them, and of the solvers (`transcription` with Ipopt, `structured`), which read them.
+The optimal control problems (`free_problem`, `straight`) create these values. The solvers
+(`transcription` with Ipopt, `structured`) read them. All modules of this package use these terms:
 
-Time is divided into n intervals, called elements. In an element, each of the m coordinates u (the
-path parameter s, or the moving joints) is a cubic polynomial of time. Arrays of elements have the
-shape (n, 4 m + 1), because a row contains four numbers for each coordinate (u, u̇ and ü at the start
-of the element, ü at its end), and the length of the element, that is, its duration.
+- Element: one of the n time intervals of the mesh. In it, each of the m coordinates u (the path
+  parameter s, or the moving joints) is a cubic polynomial of time. Arrays of elements have the
+  shape (n, 4 m + 1). A row contains u, u̇, ü at the start of the element and ü at its end (m numbers
+  each), and the length of the element, that is, its duration.
+- Border: a point where u is given, or a free position, which the solver chooses, where a joint
+  reverses. Borders divide the elements into k segments. A coordinate keeps its direction in a
+  segment.
+- Block: a group of consecutive elements. The duration of each of the b blocks is an unknown, and
+  the elements of a block share it in fixed proportion.
+- Path constraint (row): a function of the motion at one instant that must not exceed 1.
+- Element model (`elements.element.ElementModel`): the functions that give the path constraints and
+  the cost of one element.
 
-Borders divide the elements into k segments. A border is a point where u is given, or a free
-position where a joint reverses. The elements are also grouped into b blocks. The duration of a
-block is an unknown, and its elements share it in fixed proportion. All lengths and times are
-scaled: u by units of length, and time by about the duration of the motion.
-
-The functions of one element, which give its path constraints and its cost, are called the element
-model (`elements.element.ElementModel`).
+All lengths and times are scaled: u by units of length, and time by about the duration of the
+motion.
 """
 
 from collections.abc import Sequence
@@ -51,9 +54,11 @@ whose durations may differ.
 class NlpStructure:
     """Numbers of elements, segments and blocks, and the kinds of constraints of a program.
 
-    These numbers, together with the functions of one element (the element model), determine all
-    expressions of the program. Programs with the same structure and element model therefore share
-    their compiled functions, whatever the values of their limits and positions.
+    Elements are the time intervals of the mesh. Segments are parts of the motion in which no
+    coordinate reverses. Blocks are groups of elements that share one unknown duration. Together
+    with the functions of one element (the element model), the structure determines all expressions
+    of the program. Programs with the same structure and element model therefore share their
+    compiled functions, whatever the values of their limits and positions.
     """
 
     moves: tuple[tuple[bool, ...], ...]
@@ -69,20 +74,21 @@ class NlpStructure:
     coordinates_are_joints: bool
     """True if the coordinates are joints, False if there is only the path parameter s.
 
-    Joints have jerk limits themselves. The objective smooths the motion of joints that could reach
-    the borders in many ways.
+    Joints have jerk limits as constraints of the program. Along a path, the element model limits
+    the jerk. For joints, the objective also contains a small smoothing term, because a joint that
+    does not limit the duration could reach the borders in many ways.
     """
 
     def with_divided_elements(self, counts: Indices) -> "NlpStructure":
-        """Return the structure with every element divided into equal parts.
+        """Return the structure with elements divided into equal parts.
 
-        The numbers of segments and blocks remain. A segment or a block gets as many elements as
-        its present elements have parts.
+        The numbers of segments and blocks remain. A segment or a block gets as many elements (time
+        intervals) as its present elements have parts.
 
         Parameters
         ----------
         counts : (n,) int array
-            Number of parts of each element.
+            Number of parts of each element. An element with one part stays as it is.
 
         Returns
         -------
@@ -97,12 +103,12 @@ class NlpStructure:
 
     @property
     def elements(self) -> int:
-        """Number n of elements."""
+        """Number n of elements (time intervals)."""
         return sum(self.segment_sizes)
 
     @property
     def coordinates(self) -> int:
-        """Number m of coordinates."""
+        """Number m of coordinates: 1 along a path, otherwise the number of moving joints."""
         return len(self.moves[0])
 
     @cached_property
@@ -116,14 +122,26 @@ class NlpStructure:
         return np.repeat(np.arange(len(self.block_sizes)), self.block_sizes)
 
     def times(self, lengths: Array) -> Array:
-        """Return the durations (b,) of the blocks from the lengths (n,) of the elements."""
+        """Sum the lengths of the elements of each block, which gives the durations of the blocks.
+
+        Parameters
+        ----------
+        lengths : (n,) array
+            Lengths of the elements (time intervals).
+
+        Returns
+        -------
+        (b,) array
+            Durations of the blocks, in the same unit of time.
+        """
         return np.asarray(np.bincount(self.block, lengths), dtype=float)
 
     def variables(self, elements: Array) -> Array:
-        """Return the vector of variables with which Ipopt describes a motion.
+        """Convert the elements of a motion to the vector of variables of Ipopt's program.
 
-        It contains u, u̇, and ü at both ends of every element, then the durations of the blocks. The
-        lengths of the elements are no variables, because they follow from these durations.
+        The vector contains u and u̇ at the start and ü at both ends of every element (time
+        interval), then the durations of the blocks. The lengths of the elements are no variables,
+        because they follow from these durations.
 
         Parameters
         ----------
@@ -139,29 +157,37 @@ class NlpStructure:
 
     @cached_property
     def moving(self) -> Indices:
-        """True where a coordinate moves in an element, (n, m)."""
+        """True where a coordinate moves in an element (time interval), (n, m)."""
         return np.array(self.moves)[self.segment]
 
     @property
     def borders(self) -> list[int]:
-        """Indices of the first elements of all segments."""
+        """Index of the first element of each segment.
+
+        A segment is a part of the motion in which no coordinate reverses. The first index is 0, the
+        start of the motion.
+        """
         return [0, *np.cumsum(self.segment_sizes)[:-1].tolist()]
 
     @property
     def breakaways(self) -> list[tuple[int, int]]:
-        """Pairs (k, j) of elements that define the breakaway constraints.
+        """Pairs (k, j) of elements (time intervals) that define the breakaway constraints.
 
-        A joint breaks away (overcomes static friction) at the start of element k in the direction
-        that it has in element j. A breakaway constraint limits the motor torque at this instant. At
-        a border between two segments, the direction may be the new one (j = k) or the old one (j =
-        k − 1).
+        A breakaway constraint limits the torque of a motor whose joint overcomes static friction at
+        the start of element k, in the direction that the joint has in element j. At a border
+        between two segments, the direction may be the new one (j = k) or the old one (j = k − 1).
+        At the start of the motion, there is only the new one.
         """
         return [(k, k - side) for k in self.borders for side in (0, 1) if k >= side]
 
 
 @record
 class BoundaryConditions:
-    """Positions and velocities of the m coordinates at the borders and ends of k segments."""
+    """Positions and velocities of the m coordinates at the borders and ends of k segments.
+
+    A segment is a part of the motion in which no coordinate u reverses. Two segments meet at a
+    border.
+    """
 
     points: Array
     """u at the start, at every border and at the end, (k + 1, m). NaN where the solver finds it."""
@@ -178,10 +204,11 @@ class BoundaryConditions:
     def bounds(
         self, structure: NlpStructure, velocity: Array, acceleration: Array
     ) -> tuple[Array, Array, tuple[Array, Array]]:
-        """Return the bounds of the states of all elements, and those of u̇ within the elements.
+        """Compute the bounds of the variables of all elements, and those of u̇ within the elements.
 
-        A coordinate that reverses at a border, or that rests on one side of it, has velocity 0
-        there, which the bounds impose.
+        The bounds impose the given positions and velocities, the limits of u̇ and ü, and the
+        directions of the coordinates. They also impose velocity 0 at a border on each coordinate
+        that reverses there or rests on one side of it.
 
         Parameters
         ----------
@@ -196,17 +223,19 @@ class BoundaryConditions:
             Smallest and largest u, u̇, ü at the start and ü at the end of every element. A given
             value has equal bounds.
         velocity : tuple of two (n, m) arrays
-            Smallest and largest u̇ within each element. One of them is 0 for a coordinate that moves
-            in one direction, and both are 0 for a coordinate that rests.
+            Smallest and largest u̇ within each element (time interval). One of them is 0 for a
+            coordinate that moves, and both are 0 for a coordinate that rests.
         """
         m, segment = structure.coordinates, structure.segment
         # Columns of u̇, of ü at the start and of ü at the end of an element.
         v, a0, a1 = (slice(i * m, (i + 1) * m) for i in range(1, 4))
         signs = self.signs[segment]
+        # v_min is −velocity for a coordinate that moves backwards and 0 for any other. v_max is
+        # velocity for a coordinate that moves forwards and 0 for any other.
         v_min, v_max = (np.where(sign * signs > 0, sign * velocity, 0.0) for sign in (-1, 1))
         limit = np.where(signs != 0, acceleration, 0.0)
         # A coordinate keeps its direction within a segment, so it stays between its positions at
-        # the borders. At a free border, these are bounded by the range of reversals.
+        # both borders of the segment. At a free border, the range of reversals bounds its position.
         ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]
         lowest, highest = (np.where(np.isnan(ends), bound, ends) for bound in self.ranges)
         lower = np.hstack([lowest.min(axis=0), v_min, -limit, -limit])
@@ -215,10 +244,12 @@ class BoundaryConditions:
             fixed = np.flatnonzero(~np.isnan(self.points[k]))
             lower[element, fixed] = upper[element, fixed] = self.points[k, fixed]
             if k:
+                # Columns of u̇ of the coordinates whose direction changes at this border.
                 at_rest = m + np.flatnonzero(self.signs[k] != self.signs[k - 1])
                 lower[element, at_rest] = upper[element, at_rest] = 0.0
         lower[0, v] = upper[0, v] = self.start_velocity
         if structure.has_continuous_acceleration:
+            # With limited jerk, ü is given at the start, and 0 at the end of the motion.
             lower[0, a0] = upper[0, a0] = self.start_acceleration
             lower[-1, a1] = upper[-1, a1] = 0.0
         return lower, upper, (v_min, v_max)
@@ -232,14 +263,14 @@ class NlpData:
     """
 
     element_parameters: tuple[Array, ...]
-    """Constants of the functions of an element, such as limits and directions of joints.
+    """Parameter vectors of the element model, for example limits and directions of joints.
 
     Each vector has the shape (size,) if all elements share it, otherwise (n, size).
     """
     fractions: Array
     """Length of every element as a share of its block, (n,)."""
     least_times: Array
-    """Smallest duration of every block, (b,)."""
+    """Smallest duration of every block, (b,), which keeps elements from shrinking to nothing."""
     lower: Array
     upper: Array
     """Lower and upper bounds of u, u̇, ü at the start and ü at the end of every element, (n, 4 m).
@@ -250,7 +281,7 @@ class NlpData:
     """u and u̇ at the end of the motion, (2 m,)."""
     acceleration: Array
     jerk: Array
-    """Limits of |ü| and |u⃛| if the coordinates are joints, (m,) each."""
+    """Limits of |ü| and |u⃛|, (m,) each. They are infinite for the path parameter."""
     path_bound: Array
     """Upper bounds of r path constraints at start, middle and end of each element, (n, 3 r).
 
@@ -272,20 +303,27 @@ class NlpData:
 
     @property
     def is_fixed(self) -> Mask:
-        """True for entries of `lower` and `upper` that leave a single value, (n, 4 m)."""
+        """True where `lower` and `upper` are equal up to rounding and thus fix a value, (n, 4 m)."""
         return np.asarray(self.upper - self.lower <= ROUNDING_TOLERANCE)
 
     def needs_position_bounds(self, structure: NlpStructure) -> Mask:
-        """Return a mask of the bounds of u that do not follow from other constraints, (n, m).
+        """Find the elements in which a coordinate u needs bounds of its own.
 
-        Only the first element behind a free border (a reversal whose position the solver chooses)
-        needs them. Between two borders a coordinate keeps its direction, so it stays between its
-        positions at both borders anyway.
+        Between two borders a coordinate keeps its direction, so it stays between its positions at
+        both borders anyway. Bounds are needed only at a free border, that is, a reversal whose
+        position the solver chooses. Such a border is the start of the first element of a segment.
 
         Parameters
         ----------
         structure : NlpStructure
-            Structure of the program, which states at which elements the segments begin.
+            Structure of the program, which states at which elements (time intervals) the segments
+            begin.
+
+        Returns
+        -------
+        (n, m) mask
+            True where the bounds of u at the start of an element do not follow from other
+            constraints.
         """
         counts = np.zeros_like(self.velocity[0], dtype=bool)
         counts[structure.borders[1:]] = True
@@ -333,8 +371,9 @@ class Multipliers:
     ) -> "Multipliers":
         """Build the multipliers of a solution from the multipliers of its bounds on u̇.
 
-        Only the bounds that forbid a reversal count. These are u̇ ≥ 0 where a coordinate moves
-        forwards, and u̇ ≤ 0 where it moves backwards.
+        Only the bounds that forbid a reversal count: u̇ ≥ 0 where a coordinate moves forwards, and
+        u̇ ≤ 0 where it moves backwards. The sign of a result is the direction in which the
+        coordinate should move.
 
         Parameters
         ----------
@@ -346,7 +385,13 @@ class Multipliers:
             Multipliers of the r path constraints at start, middle and end of each element, ≥ 0.
         active : frozenset
             Names and joints of the r path constraints.
+
+        Returns
+        -------
+        Multipliers
+            The multipliers of the directions and of the path constraints.
         """
+        # A direction is known from the bound of u̇ that is 0.
         v_min, v_max = data.velocity
         forward = (v_min == 0) & (v_max > 0)
         backward = (v_min < 0) & (v_max == 0)
@@ -397,7 +442,7 @@ class NlpSolution:
 
 
 def as_cubics(elements: Array) -> CubicPiece:
-    """Split the rows of elements into the fields of cubic polynomials.
+    """Convert an array of elements (time intervals) to cubic polynomials.
 
     Parameters
     ----------
@@ -414,15 +459,23 @@ def as_cubics(elements: Array) -> CubicPiece:
 
 
 def stretched(elements: Array, factor: float) -> Array:
-    """Return the elements of the same motion with its duration multiplied by `factor`.
+    """Stretch a motion in time, so that its duration is multiplied by a factor.
+
+    The positions do not change. Velocities are divided by the factor, and accelerations by its
+    square.
 
     Parameters
     ----------
     elements : (n, 4 m + 1) array
-        u, u̇, ü at the start, ü at the end (m numbers each), and length of every element. The result
-        has this form too.
+        u, u̇, ü at the start, ü at the end (m numbers each), and length of every element (time
+        interval) of the motion.
     factor : float
         Ratio of the new duration to the old one.
+
+    Returns
+    -------
+    (n, 4 m + 1) array
+        Elements of the stretched motion, in the same form.
     """
     pieces = as_cubics(elements)
     acceleration = pieces.a0 / factor**2, pieces.a1 / factor**2
@@ -430,21 +483,24 @@ def stretched(elements: Array, factor: float) -> Array:
 
 
 def divide_elements(elements: Array, counts: Indices) -> Array:
-    """Divide every element into equal parts without a change of the motion.
+    """Divide elements into equal parts without a change of the motion.
 
     Parameters
     ----------
     elements : (n, 4 m + 1) array
-        u, u̇, ü at the start, ü at the end (m numbers each), and length of every element.
+        u, u̇, ü at the start, ü at the end (m numbers each), and length of every element (time
+        interval).
     counts : (n,) int array
-        Number of parts of each element.
+        Number of parts of each element. An element with one part stays as it is.
 
     Returns
     -------
     (sum of counts, 4 m + 1) array
-        The parts in the same form.
+        The parts of all elements, in the order of time and in the same form.
     """
     cubic = as_cubics(np.repeat(elements, counts, axis=0))
+    # For each part: its length as a share of the element, its index 0, 1, … within the element, and
+    # its start as a share of the element.
     part = 1.0 / np.repeat(counts, counts)[:, None]
     index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     start = index[:, None] * part
@@ -452,12 +508,11 @@ def divide_elements(elements: Array, counts: Indices) -> Array:
 
 
 def divide_into_blocks(arcs: Sequence[int]) -> tuple[int, ...]:
-    """Divide arcs with many elements into blocks, and return the number of elements of each block.
+    """Divide arcs into blocks with at most `MAX_BLOCK_ELEMENTS` elements, as equally as possible.
 
     An arc is the part of a motion between two switching points, that is, instants at which the
-    acceleration of a joint (with a jerk limit: its jerk) jumps in the guess. The duration of a
-    block is an unknown of the program, and the elements of the block share it in a fixed
-    proportion. A long arc becomes several blocks with at most `MAX_BLOCK_ELEMENTS` elements each.
+    acceleration of a joint (with a jerk limit: its jerk) jumps in the guess. A block is a group of
+    elements (time intervals) whose duration is one unknown of the program.
 
     Parameters
     ----------
@@ -471,6 +526,7 @@ def divide_into_blocks(arcs: Sequence[int]) -> tuple[int, ...]:
     """
     blocks: list[int] = []
     for count in arcs:
+        # Number of blocks of the arc, rounded up. The first blocks get the remainder.
         parts = -(-count // MAX_BLOCK_ELEMENTS)
         blocks += [count // parts + (k < count % parts) for k in range(parts)]
     return tuple(blocks)

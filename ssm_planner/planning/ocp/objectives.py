@@ -1,8 +1,9 @@
-"""Optimisation for the objective of a problem.
+"""Optimisation of one motion for the objective of a problem: duration, heat or effort.
 
 `find_fastest_motion` computes the motion of least duration. From there, `find_best_motion` computes
-the motion of least heat or effort, if the objective or a requested duration asks for one. If the
-solution method is "confirmed", Ipopt confirms both motions.
+the motion of least heat of the motors, or of least effort (torque that the speed needs), if the
+objective or a requested duration asks for one. If the solution method is "confirmed", the
+structured solver (`ocp.structured`) computes both motions, and Ipopt confirms them.
 """
 
 from dataclasses import replace
@@ -28,8 +29,9 @@ from ssm_planner.typing import Array
 CENTRING_ITERATIONS = 8
 """Largest number of iterations of the structured solver that centre a solution before Ipopt starts.
 
-Near the central path, the product of slack and multiplier is equal for all constraints. Ipopt then
-computes nearly exact multipliers from the slacks.
+A slack is the distance of a constraint from its bound. Near the central path, the product of slack
+and multiplier is equal for all constraints. Ipopt then computes nearly exact multipliers from the
+slacks.
 """
 NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
 """Message of a solution that Ipopt did not confirm."""
@@ -45,7 +47,7 @@ def find_fastest_motion(
 ) -> RefinedMotion:
     """Compute the motion of least duration, with the solver that the problem's method tries first.
 
-    `find_best_motion` continues from the result.
+    Ipopt does not confirm the motion yet. `find_best_motion` continues from the result.
 
     Parameters
     ----------
@@ -53,17 +55,20 @@ def find_fastest_motion(
         The optimal control problem on its first mesh.
     guess : (n, 4 m + 1) array
         Motion at which the optimisation begins: u, u̇, ü at the start, ü at the end (a number for
-        each of the m coordinates), and length of each element.
+        each of the m coordinates), and length of each element (time interval).
     duration : float or None
-        Requested duration in scaled time, which replaces `cutoff`. None: as short as possible.
+        Requested duration in scaled time. A motion that takes longer is of no use, so it replaces
+        `cutoff`. None: as short as possible.
     cutoff : float
-        Duration in scaled time beyond which a motion is of no use. It is not refined further.
+        Duration in scaled time beyond which a motion is of no use. Such a motion is not refined
+        further, so it may violate limits.
 
     Returns
     -------
     RefinedMotion
         The solution with the state of its refinement.
     """
+    # A motion that exceeds the requested duration by less than `GAP` is still refined.
     cutoff = cutoff if duration is None else (1 + GAP) * duration
     return solve_to_tolerance(RefinementState.from_guess(problem, guess), "time", cutoff=cutoff)
 
@@ -77,13 +82,13 @@ def find_best_motion(
 ) -> NlpSolution:
     """Compute the motion that is best for an objective, starting from the fastest motion.
 
-    - Objective "time": the fastest motion.
-    - Objective "time then heat": the motion of least heat among those that take at most a share
-      `LEAST_HEAT_EXTRA_TIME` more time than the fastest.
-    - With a requested duration: the motion of least effort that takes this duration, or the fastest
-      motion if that takes longer.
-    - With heat weights (`joint_limits["cooling"]`): the least weighted sum of heat and time, or the
-      least weighted heat in a requested duration.
+    - With the objective "time", it is the fastest motion.
+    - With the objective "time then heat", it has the least heat among the motions that take at most
+      a share `LEAST_HEAT_EXTRA_TIME` more time than the fastest one.
+    - If a duration is requested, it has the least effort (torque that the speed needs) among the
+      motions of this duration. If the fastest motion takes longer, it is the fastest motion.
+    - If motors have heat weights (`joint_limits["cooling"]`), it has the least weighted sum of heat
+      and time, or the least weighted heat in the requested duration.
 
     If the method is "confirmed" and Ipopt does not confirm the fastest motion, the result is a
     failure with the message `NOT_CONFIRMED`. The caller then tries another method.
@@ -129,14 +134,14 @@ def _least_cost_motion(
 ) -> NlpSolution | None:
     """Compute the motion of least heat or effort of the motors, starting from the fastest motion.
 
-    With a requested duration, the motion has the least effort (torque that the speed needs), or the
-    least weighted heat if heat weights are given. Without one, it has the least heat, or the least
-    weighted sum of heat and time if heat weights are given.
+    If a duration is requested, the motion has the least effort (torque that the speed needs), or
+    the least weighted heat if motors have heat weights. Otherwise it has the least heat, or the
+    least weighted sum of heat and time if motors have heat weights.
 
     Parameters
     ----------
     fastest : RefinedMotion
-        The fastest motion.
+        The fastest motion, which Ipopt has confirmed if the method requires it.
     objective : str
         "time", "time then heat" or "effort".
     duration : float or None
@@ -146,7 +151,8 @@ def _least_cost_motion(
     Returns
     -------
     NlpSolution or None
-        None if only the time counts, or if the solver finds no such motion.
+        The motion, or the status of a failure if a duration is requested. None if only the time
+        counts, or if no duration is requested and the solver finds no such motion.
     """
     solution, problem = fastest.solution, fastest.state.problem
     cooled = bool(problem.joint_limits["cooling"].any())
@@ -157,7 +163,7 @@ def _least_cost_motion(
         interval = duration, duration
         result = _solve_and_confirm(state, "cooling" if cooled else "effort", interval)
         if not result.solution.solved:
-            # If there is no motion of least cost, any motion of this duration will do.
+            # The solver found no motion of least cost, so any motion of this duration is accepted.
             result = solve_to_tolerance(state, "time", duration=interval)
         return result.solution
     # Without motors there is no heat to reduce.
@@ -165,8 +171,9 @@ def _least_cost_motion(
     if not (heated or cooled):
         return None
     if solution.solver == "structured" and problem.has_free_borders:
-        # Heat barely depends on when the motion passes a free border. With separate durations,
-        # some segments would shrink to nothing over many iterations.
+        # A free border is a reversal whose position the solver chooses. Heat barely depends on when
+        # the motion passes it. If the segments between borders had separate durations, some of them
+        # would shrink to nothing over many iterations.
         problem = problem.with_single_block(solution.elements[:, -1])
     state = replace(fastest.state, problem=problem).restarted(solution.elements)
     longest = np.inf if cooled else (1 + LEAST_HEAT_EXTRA_TIME) * solution.duration
@@ -179,7 +186,8 @@ def _solve_and_confirm(
 ) -> RefinedMotion:
     """Compute the motion of least cost that keeps all limits, and let Ipopt confirm it.
 
-    If Ipopt does not confirm the motion, Ipopt solves the program alone, from the initial state.
+    If the solution or its confirmation fails, Ipopt solves the program alone, from the same initial
+    state. A motion that only serves to estimate a duration is not solved again.
 
     Parameters
     ----------
@@ -204,17 +212,18 @@ def _solve_and_confirm(
 
 
 def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
-    """Let Ipopt confirm an optimum of the structured solver, at which Ipopt starts.
+    """Let Ipopt confirm an optimum of the structured solver.
 
-    If both solvers agree, the result is the structured solver's motion, because it satisfies the
-    dynamics exactly even in very short elements. If Ipopt's motion is shorter, or cheaper, by more
-    than rounding, the result is Ipopt's motion. A motion that needs no confirmation is returned
-    unchanged.
+    Ipopt starts at this optimum and solves the same program. If both solvers agree, the result is
+    the structured solver's motion, because it satisfies the dynamics exactly even in very short
+    elements (time intervals). If Ipopt's motion is shorter (or cheaper) by more than the share
+    `EQUALITY_TOLERANCE`, the result is Ipopt's motion. A motion is returned unchanged if the method
+    of the problem asks for no confirmation, or if there is no optimum of the structured solver.
 
     Parameters
     ----------
     refined : RefinedMotion
-        Motion to confirm.
+        Motion to confirm, with the program that was solved last.
     aim : str
         Cost that was minimised. With "time", the durations of both solvers are compared, otherwise
         the values of the objective.
@@ -222,15 +231,17 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
     Returns
     -------
     RefinedMotion or None
-        None if Ipopt fails, or if its better motion violates a limit between the collocation points
-        (the instants at which the program imposes its path constraints). Such a motion would have
-        to be refined, so it confirms nothing.
+        The motion, with a `Confirmation` if Ipopt was used. None if Ipopt fails, or if its better
+        motion violates a limit between the collocation points, the instants at which the program
+        imposes its path constraints. Such a motion would have to be refined, so it confirms
+        nothing.
     """
     structured, problem = refined.solution, refined.state.problem
     if problem.method != "confirmed" or structured.solver != "structured" or not structured.solved:
         return refined
     structure, element, data = refined.program
-    # Only near the central path do the slacks give nearly exact multipliers.
+    # Ipopt computes its first multipliers from the slacks. They are nearly exact only near the
+    # central path (`CENTRING_ITERATIONS`), so the structured solver first approaches it.
     centred = solve_structured(
         structure,
         element,

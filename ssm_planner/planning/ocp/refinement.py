@@ -1,13 +1,19 @@
-"""Refinement of a program until its solution keeps all limits at every instant.
+"""Refinement of a nonlinear program until its solution keeps all limits at every instant.
 
-The program imposes path constraints only at the collocation points (start, middle and end of each
-element), and only those that the motion comes close to (the active ones). After each solution, all
-path constraints are evaluated at more instants. A violated constraint that is not active becomes
-active. An element with a large violation is divided (mesh refinement). A small violation lowers the
-bound of its constraint by a margin (backoff). Then the program is solved again.
+A path constraint (row) is a function of the motion at one instant that must not exceed 1. The mesh
+divides the motion into elements (time intervals). The program imposes a path constraint only at the
+collocation points, which are the start, the middle and the end of each element. To remain small, it
+also contains only those constraints that the motion comes close to (the active ones).
 
-`solve_to_tolerance` is the main entry. Its state, `RefinementState`, allows a later refinement with
-another objective to continue from the result.
+After each solution, all path constraints are evaluated at more instants. The first of these steps
+that applies is taken, and the program is solved again:
+
+1. A violated constraint that is not active becomes active.
+2. An element with a large violation is divided (mesh refinement).
+3. The bound of a violated constraint is lowered by a margin (backoff).
+
+`solve_to_tolerance` is the main entry. It returns its final `RefinementState`, from which a later
+refinement with another objective can continue.
 """
 
 from dataclasses import replace
@@ -68,20 +74,26 @@ NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 
 @record
 class RefinementState:
-    """State of a refinement between two solves of the program.
+    """State of a refinement between two solves of the nonlinear program.
 
     A refinement solves the program repeatedly, with more path constraints, a finer mesh, or tighter
-    bounds, until the motion keeps all limits at every instant.
+    bounds, until the motion keeps all limits at every instant. A path constraint is a function of
+    the motion at one instant that must not exceed 1. Elements are the time intervals of the mesh.
+    Arrays of elements (n, 4 m + 1) contain u, u̇, ü at the start and ü at the end of each element (a
+    number for each of m coordinates u), and its length.
     """
 
     guess: Array
-    """Elements of the guess at which the refinement began, (n, 4 m + 1)."""
+    """Elements of the guess at which the refinement began, (n, 4 m + 1).
+
+    Their number n is that of the first mesh, which may be smaller than that of `elements`.
+    """
     problem: OcpProblem
     """Optimal control problem on the present mesh."""
     active: frozenset[RowName]
     """Names and joints of the path constraints that are part of the program, the active ones."""
     backoff: Array
-    """Amounts by which the bounds of all r path constraints are lowered, (n, r)."""
+    """Amounts by which the bounds of all r path constraints are lowered in each element, (n, r)."""
     elements: Array
     """Elements of the latest solution, or those of the guess, (n, 4 m + 1)."""
     warm: NlpSolution | None = None
@@ -94,15 +106,22 @@ class RefinementState:
     def from_guess(cls, problem: OcpProblem, guess: Array) -> "RefinementState":
         """Create the initial state of a refinement.
 
-        A path constraint is active if it reaches the share `INITIALLY_ACTIVE_SHARE` of its limit in
-        the guess.
+        At first, the program contains only the path constraints that exceed the share
+        `INITIALLY_ACTIVE_SHARE` of their limits in the guess, and those that are always active. A
+        path constraint is a function of the motion that must not exceed 1.
 
         Parameters
         ----------
         problem : OcpProblem
             The optimal control problem.
         guess : (n, 4 m + 1) array
-            Elements of the guess: u, u̇, ü at the start, ü at the end (m numbers each), and length.
+            Elements (time intervals) of the guess: u, u̇, ü at the start, ü at the end (m numbers
+            each), and length.
+
+        Returns
+        -------
+        RefinementState
+            The state, without backoff and without multipliers.
         """
         active = problem.always_active | constraints_above(
             problem.row_names, problem.row_maxima(guess), INITIALLY_ACTIVE_SHARE
@@ -111,14 +130,25 @@ class RefinementState:
         return cls(guess, problem, active, backoff, elements=guess)
 
     def restarted(self, guess: Array) -> "RefinementState":
-        """Return the state with another guess (n, 4 m + 1).
+        """Return a state in which the next solve starts at another guess, without multipliers.
 
-        The active constraints and their backoff remain.
+        The active constraints and their backoff (the margins of their bounds) remain.
+
+        Parameters
+        ----------
+        guess : (n, 4 m + 1) array
+            Elements (time intervals) of the guess: u, u̇, ü at the start, ü at the end (m numbers
+            each), and length.
+
+        Returns
+        -------
+        RefinementState
+            The new state.
         """
         return replace(self, guess=guess, elements=guess, warm=None)
 
     def program(self, aim: Aim, duration: tuple[float, float] | None) -> NlpProgram:
-        """Return the nonlinear program for the next solve.
+        """Build the nonlinear program for the next solve.
 
         Parameters
         ----------
@@ -132,7 +162,8 @@ class RefinementState:
         Returns
         -------
         NlpProgram
-            Structure, functions of one element (with the active constraints), and data.
+            Structure, functions of one element (time interval) with the active constraints, and
+            data.
         """
         structure = self.problem.structure
         element = self.problem.element(self.active, aim)
@@ -141,17 +172,21 @@ class RefinementState:
         backoff = np.where(self.problem.ignored_rows, -np.inf, self.backoff)
         data = self.problem.data(self.elements, backoff[:, is_active])
         if duration is not None:
+            # The objective is the cost alone. Weighted heat is compared with time, so both count.
             time_weight = float(aim == "cooling")
             data = replace(data, duration=duration, weights=(time_weight, 1.0))
         return structure, element, data
 
     def solve(self, program: NlpProgram) -> NlpSolution:
-        """Solve a program from the latest motion, by the solver that the problem's method names.
+        """Solve a nonlinear program with the solver that the problem's method names.
+
+        The solver starts at the latest motion.
 
         Parameters
         ----------
         program : NlpProgram
-            Structure, functions of one element, and data, from the method `program`.
+            Structure, functions of one element (time interval), and data. The method `program`
+            builds them.
 
         Returns
         -------
@@ -168,10 +203,10 @@ class RefinementState:
         )
 
     def with_divided_elements(self, coarse: Array) -> "RefinementState":
-        """Return the state with some elements divided into `PARTS_PER_DIVISION` parts.
+        """Return the state with some elements divided into `PARTS_PER_DIVISION` equal parts.
 
-        The parts inherit the backoff of their element, that is, the margins by which the bounds of
-        its path constraints are lowered.
+        Elements are the time intervals of the mesh. The parts of an element keep its backoff, that
+        is, the margins by which the bounds of its path constraints are lowered.
 
         Parameters
         ----------
@@ -181,8 +216,8 @@ class RefinementState:
         Returns
         -------
         RefinementState
-            The state on the finer mesh, without the solution for a warm start, whose size no longer
-            fits.
+            The state on the finer mesh. The next solve starts without multipliers, because those of
+            the last solution have the wrong number.
         """
         counts = np.where(coarse, PARTS_PER_DIVISION, 1)
         elements = divide_elements(self.elements, counts)
@@ -196,17 +231,23 @@ class RefinementState:
         )
 
     def with_backoff(self, solution: NlpSolution, increase: Array) -> "RefinementState":
-        """Return the state for the next solve, with tighter bounds on the path constraints.
+        """Return the state for the next solve, with lower bounds on the path constraints.
 
-        A path constraint can exceed its limit between collocation points. The next solve then
-        requires a distance from the limit, the backoff, at the points of these elements.
+        The program imposes a path constraint only at the collocation points (start, middle and end)
+        of each element (time interval), so the motion may exceed the limit in between. The next
+        solve then requires a distance from the limit at these points, the backoff.
 
         Parameters
         ----------
         solution : NlpSolution
-            Solution at which the next solve starts, with its multipliers.
+            Solution at whose variables and multipliers the next solve starts.
         increase : (n, r) array
-            Amount to add to the backoff of each of r path constraints in each of n elements.
+            Amounts to add to the backoff of each of r path constraints in each of n elements.
+
+        Returns
+        -------
+        RefinementState
+            The new state.
         """
         return replace(self, backoff=self.backoff + increase, warm=solution)
 
@@ -216,11 +257,11 @@ class RefinedMotion:
     """Result of a refinement: the motion, and whether it keeps all limits at every instant."""
 
     solution: NlpSolution
-    """Latest solution. Its number of iterations includes all solves."""
+    """Latest solution. Its number of iterations is the sum over all solves of the refinement."""
     state: RefinementState
     """State of the refinement at its end."""
     feasible: bool
-    """True if no path constraint exceeds its limit by more than `LIMIT_TOLERANCE`."""
+    """True if no path constraint exceeds its limit by more than the share `LIMIT_TOLERANCE`."""
     program: NlpProgram
     """Program that was solved last."""
 
@@ -232,10 +273,11 @@ def solve_to_tolerance(
     duration: tuple[float, float] | None = None,
     cutoff: float = np.inf,
 ) -> RefinedMotion:
-    """Solve an optimal control problem repeatedly, until the motion keeps all limits.
+    """Solve the nonlinear program of an optimal control problem until the motion keeps all limits.
 
     Between two solves, `_next_state` refines the program: more path constraints become part of it,
-    elements are divided, or bounds are lowered.
+    elements (time intervals) are divided, or bounds are lowered. The function adds the work of all
+    solves to the counter of the problem.
 
     Parameters
     ----------
@@ -248,13 +290,14 @@ def solve_to_tolerance(
         Smallest and largest duration of a motion of least cost, in scaled time. None: the duration
         is minimised.
     cutoff : float
-        Duration in scaled time. The refinement ends when the motion takes longer, because refined
-        motions only become longer.
+        Duration in scaled time beyond which a motion is of no use. The refinement ends when the
+        motion takes longer, because each refinement makes the motion longer, not shorter.
 
     Returns
     -------
     RefinedMotion
-        The latest solution. After `MAX_SOLVES` solves, it may still violate limits.
+        The latest solution with the final state. If a solve failed, the motion took longer than
+        `cutoff`, or `MAX_SOLVES` solves did not suffice, the solution may violate limits.
     """
     iterations, work = 0, state.problem.work
     feasible = False
@@ -270,6 +313,8 @@ def solve_to_tolerance(
         # A failed solve cannot be refined, and a motion beyond the cutoff is of no use.
         if not solution.solved or solution.duration > cutoff:
             break
+        # Excess of each path constraint over its limit in each element, (n, r). The initial value
+        # of the maximum serves programs without path constraints.
         violation = state.problem.row_maxima(solution.elements) - 1
         feasible = bool(violation.max(initial=-1.0) <= LIMIT_TOLERANCE)
         if feasible or round_number == MAX_SOLVES:
@@ -284,12 +329,14 @@ def _next_state(
 ) -> RefinementState:
     """Return the state for the next solve, after a solution that violates limits.
 
-    The function takes the first of these steps that applies.
+    A path constraint is a function of the motion that must not exceed 1, and it is active if it is
+    part of the program. The function takes the first of these steps that applies.
 
     1. Violated constraints that are not active become active. If the violation exceeds
        `DIVERGENCE_THRESHOLD`, the next solve starts at the guess again.
-    2. Elements with large violations are divided, if `may_divide` is true.
-    3. The bounds of violated constraints are lowered.
+    2. Elements (time intervals) whose violations exceed `DIVISION_THRESHOLD` are divided, if
+       `may_divide` is true.
+    3. The bounds of violated constraints are lowered (backoff).
 
     Parameters
     ----------
@@ -298,20 +345,21 @@ def _next_state(
     solution : NlpSolution
         Solution of the last solve.
     violation : (n, r) array
-        Excess of every path constraint over its limit in every element.
+        Excess of every path constraint over its limit in every element, as a share of the limit.
     may_divide : bool
         True if elements may be divided.
 
     Returns
     -------
     RefinementState
-        The state. Its field `warm` is set only in step 3, because steps 1 and 2 change the number
-        of constraints, so the multipliers of the last solution no longer fit.
+        The state. Only step 3 lets the next solve start at the multipliers of the last solution.
+        Steps 1 and 2 change the number of constraints, so these multipliers no longer fit.
     """
     # Violated constraints that are not part of the program.
     missed = constraints_above(state.problem.row_names, violation, LIMIT_TOLERANCE) - state.active
     if missed:
         state = replace(state, active=state.active | missed)
+        # A new start is possible only if no element has been divided since the guess.
         if violation.max() > DIVERGENCE_THRESHOLD and len(state.elements) == len(state.guess):
             return state.restarted(state.guess)
         return replace(state, warm=None)
@@ -322,17 +370,20 @@ def _next_state(
 
 
 def additional_backoff(violation: Array) -> Array:
-    """Return the amounts by which the bounds of path constraints are lowered further.
+    """Compute the amounts by which the bounds of violated path constraints are lowered further.
+
+    The amount for a violation e > 0 is BACKOFF_FACTOR · e + LIMIT_TOLERANCE.
 
     Parameters
     ----------
     violation : (n, r) array
-        Excess of every path constraint over its limit in every element.
+        Excess of each of r path constraints over its limit in each of n elements (time intervals),
+        as a share of the limit. It is negative where the limit is kept.
 
     Returns
     -------
     (n, r) array
-        A little more than `BACKOFF_FACTOR` times the violation, or 0 where there is none.
+        The amounts, 0 where no limit is violated.
     """
     return np.where(violation > 0, BACKOFF_FACTOR * violation + LIMIT_TOLERANCE, 0.0)
 
@@ -340,18 +391,19 @@ def additional_backoff(violation: Array) -> Array:
 def constraints_above(names: list[RowName], values: Array, threshold: float) -> frozenset[RowName]:
     """Select the path constraints that exceed a threshold in at least one element.
 
-    If friction or payload is a range, a motor has one torque constraint for each of its extremes.
-    Such a constraint is only selected if it also is the largest one of its motor in this element.
-    The program then contains few of them.
+    If the friction or the payload is given as a range, a motor has one torque constraint for each
+    extreme of the range. Such a constraint is selected only if it is also the largest one of its
+    motor in the same element. The program then contains few of them.
 
     Parameters
     ----------
     names : list of RowName
         Names and joints of all r constraints.
     values : (n, r) array
-        Largest values of the constraints in every element, or their excesses over the limits.
+        Largest value of each constraint in each element (time interval), or its excess over the
+        limit.
     threshold : float
-        Threshold of the values.
+        Value above which a constraint is selected.
 
     Returns
     -------
@@ -359,8 +411,9 @@ def constraints_above(names: list[RowName], values: Array, threshold: float) -> 
         Names and joints of the selected constraints.
     """
     above = values > threshold
-    # The second entry of a torque constraint's name is joint + 4 k, see `RowName`. All other
-    # constraints get −1.
+    # Index of the motor that each constraint belongs to, or −1 if it is no torque constraint. The
+    # second entry of a torque constraint's name is joint + 4 k with the index k of the extreme (see
+    # `RowName`), so its remainder modulo 4 is the joint.
     motors = np.array(
         [-1 if name != MotorTorque.name or i is None else i % 4 for name, i in names], dtype=int
     )

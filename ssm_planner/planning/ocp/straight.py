@@ -191,7 +191,7 @@ def retimed_polynomials(
         Coefficients of the polynomials by powers of the time since their start. The axes are grid
         interval, power and joint.
     """
-    # s̈ is constant on each grid interval, because TOPP-RA makes ṡ² linear in s there. Hence it is the
+    # TOPP-RA makes ṡ² linear in s on each grid interval, so s̈ is constant there. It is thus the
     # same at the start and at the end of an element.
     accelerations = [retiming.acceleration, retiming.acceleration]
     states = [retiming.s[:-1], np.sqrt(retiming.speed_squared[:-1])]
@@ -245,8 +245,8 @@ class _StraightProblem(OcpProblem):
         breaks, coefficients = joint_polynomials(
             self.path, elements, POLYNOMIALS_PER_ELEMENT, end_speed
         )
-        # The instants of the reversals follow from their values of s. `breaks` also contains instants
-        # within the elements, so only every POLYNOMIALS_PER_ELEMENT-th one is the end of an element.
+        # The instants of the reversals follow from their values of s. `breaks` also contains times
+        # within the elements. Only every POLYNOMIALS_PER_ELEMENT-th break is an end of an element.
         positions = np.append(elements[:, 0], 1.0)
         borders = np.interp(self.path.directions[0], positions, breaks[::POLYNOMIALS_PER_ELEMENT])
         return PhaseSolution.from_solver(

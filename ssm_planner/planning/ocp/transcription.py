@@ -212,14 +212,14 @@ class Transcription:
             Multipliers of the path constraints, (n, 3 r), and of the directions, (n, m).
         """
         n, m = self.structure.elements, self.structure.coordinates
-        # Multipliers of the bounds on the middle Bernstein coefficient of u̇. They follow those of the
-        # group "dynamics".
+        # Multipliers of the bounds on the middle Bernstein coefficient of u̇. They follow those of
+        # the group "dynamics".
         middle = np.zeros((n, m))
         start = self.sizes["dynamics"]
         limited = self.structure.moving & self.structure.velocity_limits
         middle[limited] = constraint_multipliers[start : start + self.sizes["velocity"]]
-        # Multipliers of the bounds on u̇ at the start of the elements, in the columns m to 2 m − 1. A
-        # fixed u̇ has a multiplier too, but no bound that forbids a reversal.
+        # Multipliers of the bounds on u̇ at the start of the elements, in the columns m to 2 m − 1.
+        # A fixed u̇ has a multiplier too, but no bound that forbids a reversal.
         at_start = np.where(
             data.is_fixed, 0.0, variable_multipliers[: 4 * m * n].reshape(n, 4 * m)
         )[:, m : 2 * m]
