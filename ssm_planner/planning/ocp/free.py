@@ -151,7 +151,7 @@ class _FreeProblemBuilder:
     displacements: Array
     """Displacements of the joints from each point to the next one, (k, 4), rad and m."""
     limits: dict[str, Array]
-    """Limits of the joints by their names in `elements.rows.LIMIT_SIZES`, (4,) each, in SI units."""
+    """Limits of the joints by their names in `elements.rows.LIMIT_SIZES`, (4,) each, SI units."""
     method: Method
     """Solution method "Ipopt", "structured", "confirmed" or "estimated"."""
     borders: Borders
@@ -166,12 +166,11 @@ class _FreeProblemBuilder:
 
     @property
     def is_structured(self) -> bool:
-        """True if the structured solver (`ocp.structured`) solves the problem first, False if Ipopt.
+        """True if the structured solver (`ocp.structured`) solves the problem first, not Ipopt.
 
-        If jerk is limited, the motion may begin at an acceleration that is not 0, but the structured
-        solver can only begin at 0. Ipopt then solves the problem. A problem that is only solved to
-        estimate the duration goes to the structured solver anyway, which ignores the initial
-        acceleration.
+        If jerk is limited, a motion may begin at an acceleration that is not 0. Ipopt solves such a
+        problem, because the structured solver can only begin at 0. To estimate the duration, the
+        structured solver is used anyway and ignores the initial acceleration.
         """
         return self.method == "estimated" or (
             self.method != "Ipopt" and not self.phase.qdd_start.any()
@@ -182,8 +181,8 @@ class _FreeProblemBuilder:
         """Smallest number of elements (time intervals) between two switching points.
 
         A switching point is an instant at which the acceleration of a joint (with a jerk limit: its
-        jerk) jumps in the guess. A motion through 16 or more segments has so many switching points
-        that one element between them must suffice.
+        jerk) jumps in the guess. A motion through more than 16 points has one element there, which
+        keeps its mesh small.
         """
         return 2 if len(self.displacements) < 16 else 1
 
@@ -289,8 +288,8 @@ class _FreeProblemBuilder:
         if via_velocity is None:
             via_velocity = np.zeros((len(displacements) - 1, 4))
         phase = self.phase
-        # Joint velocities at all borders, (k + 1, 4), and limits of velocity, acceleration and jerk,
-        # (3, 4).
+        # Joint velocities at all borders, (k + 1, 4), and limits of velocity, acceleration and jerk
+        # of the joints, (3, 4).
         speeds = np.vstack([phase.qd_start, via_velocity, phase.qd_end])
         kinematic_limits = np.stack([self.limits[name] for name in KINEMATIC_LIMITS])
         if not self.jerk:
@@ -364,10 +363,12 @@ class _FreeProblemBuilder:
         bool
             True for a single unknown, False for one unknown for each arc.
         """
+        # Ipopt gets one unknown for each arc. Estimates, and motions whose guess is an earlier
+        # motion, get a single unknown for each segment.
         if not self.is_structured or self.method == "estimated" or self.borders.guess is not None:
             return self.is_structured
         # Ports are no reversals. Other borders with a free position are.
         reverses = not np.delete(chain.fixed, chain.ports, axis=0).all()
-        # With a single unknown for each segment, a jerk-limited motion through several points would be
-        # up to 0.13 % longer.
+        # With a single unknown for each segment, a jerk-limited motion through several points would
+        # be up to 0.13 % longer.
         return not reverses and not (self.jerk and len(self.displacements) > 1)

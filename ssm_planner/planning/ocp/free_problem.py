@@ -1,15 +1,17 @@
 """Optimal control problem of a free motion, in which the solver chooses the joint path.
 
-Borders are the places at which joints may change their direction: the given points, further
-reversals, and passages of an eye's port. They divide the motion into segments. Every joint moves in
-one direction within a segment, so its position lies between those at the borders, and the sign of
-its friction is known. A joint that moves on in its direction passes a border at speed. A joint that
-reverses there, or that rests on one side of the border, has velocity 0 there.
+Borders divide the motion into segments. A border is a given point, another position at which a
+joint reverses, or a passage of an eye's port (the incision through which the tool enters). Every
+joint moves in one direction within a segment, so its position lies between those at both borders,
+and the sign of its friction is known. A joint that moves on in its direction passes a border at
+speed. A joint that reverses at a border, or that rests on one side of it, has velocity 0 there.
 
-Limits of velocity, acceleration and jerk bound the unknowns themselves. Motor torque, tip speed,
-rates of task coordinates, ranges of roll and spin, and the limits of the eye are path constraints.
-Only those that a motion comes close to are part of the program ("active"). `free.solve_free` builds
-and solves the problem.
+The unknowns are the joint positions, velocities and accelerations. Limits of velocity, acceleration
+and jerk bound them directly. All other limits are path constraints: motor torque, tool speeds,
+rates of task coordinates, ranges of roll and spin, and the limits of the eye. The nonlinear program
+contains only the path constraints that the motion comes close to (the active ones).
+
+`free.solve_free` builds and solves the problem.
 """
 
 from dataclasses import replace
@@ -59,7 +61,7 @@ MIN_LENGTH_UNIT = 0.05
 """Smallest unit of length of a joint in a motion with free borders.
 
 It is a share of the distance that the joint would cover at full velocity in the duration of the
-guess.
+guess. `FreeProblem.unit` explains the unit of length.
 """
 
 
@@ -67,9 +69,10 @@ guess.
 class FreeProblem(OcpProblem):
     """Optimal control problem of a free motion with k segments and m moving joints.
 
-    The borders of the segments are given points, reversals of joints, and passages of an eye's
-    port. The unknown coordinates are u = (q − q0)/d, with the first point q0 and the unit d of each
-    joint.
+    A segment is a part of the motion in which no joint reverses. Its borders are given points,
+    reversals of joints, or passages of an eye's port (incision). The mesh divides the motion into n
+    elements (time intervals). The unknown coordinates are u = (q − q0)/d, with the first point q0
+    and the unit of length d of each joint. Scaled units are those of u and of `time_scale`.
     """
 
     phase: Phase
@@ -92,8 +95,9 @@ class FreeProblem(OcpProblem):
     def unit(self) -> Array:
         """Distance d in rad or m that a joint travels when its coordinate u changes by 1, (4,).
 
-        It is the largest distance between two borders. If the position at a border is unknown, d
-        has a lower bound, because the guess may be too short.
+        d is the largest distance of the joint between two neighbouring borders in the guess. If the
+        position at some border is only a guess, this distance may be much too small. d is then at
+        least the share `MIN_LENGTH_UNIT` of the distance at full velocity.
         """
         extent = np.abs(np.diff(self.chain.points, axis=0)).max(axis=0)
         if self.chain.fixed.all():
@@ -103,18 +107,18 @@ class FreeProblem(OcpProblem):
     @cached_property
     def ranges(self) -> Array:
         """Smallest and largest positions at which joints may reverse, (2, 4), rad and m."""
+        # Borders at which all positions are given.
         points = self.chain.points[self.chain.fixed.all(axis=1)]
         return reversal_ranges(self.phase, points)
 
     @property
     def boundary(self) -> BoundaryConditions:
-        """Positions and velocities of the coordinates at borders and ends, in scaled units.
+        """Positions and velocities of the m coordinates at borders and ends, in scaled units.
 
-        Borders are the places at which joints may change their direction. Positions that the solver
-        determines are NaN.
+        Borders are the positions at which joints may change their direction. A position that the
+        solver determines is NaN.
         """
         start, end = (self.scaled(speed, 1) for speed in (self.phase.qd_start, self.phase.qd_end))
-        # NaN stands for a position that the solver determines.
         points = self.scaled(
             np.where(self.chain.fixed, self.chain.points, np.nan) - self.chain.points[0], 0
         )
@@ -145,6 +149,7 @@ class FreeProblem(OcpProblem):
         A row contains u, u̇, ü at the start and ü at the end of an element (a number for each of the
         m moving joints), and the length of the element.
         """
+        # One array (elements of the segment, 4 m) for each segment.
         states = []
         for guess in self.chain.guesses:
             motion = guess.elements
@@ -156,17 +161,18 @@ class FreeProblem(OcpProblem):
     def data(self, elements: Array, backoff: Array) -> NlpData:
         """Return the parameters and bounds of the nonlinear program on the present mesh.
 
-        The base class provides most of them. A velocity that is given at an end of the motion may
-        already be at a limit. The path constraints at that end are therefore relaxed by a tolerance
-        for rounding.
+        The base class provides most of them. A velocity that is given at the start or the end of
+        the motion may already be at a limit. The path constraints at this instant therefore have no
+        backoff, but a tolerance for rounding.
 
         Parameters
         ----------
         elements : (n, 4 m + 1) array
             Latest motion: u, u̇, ü at the start, ü at the end (m numbers each), and length of each
-            element.
+            element (time interval).
         backoff : (n, active constraints) array
-            Reduction of the bound of every active path constraint in every element.
+            Amount by which the bound of each path constraint of the program is lowered in each
+            element.
 
         Returns
         -------
@@ -175,7 +181,8 @@ class FreeProblem(OcpProblem):
         """
         base = super().data(elements, backoff)
         bound = base.path_bound.copy()
-        # The columns contain the constraints at the start, in the middle and at the end.
+        # The columns of `bound` are the constraints at the start, in the middle and at the end of
+        # an element. The slices are views, so an assignment to `at_end` changes `bound`.
         constraint_count = backoff.shape[1]
         ends = (
             (self.phase.qd_start, bound[0, :constraint_count]),
@@ -183,33 +190,36 @@ class FreeProblem(OcpProblem):
         )
         for velocity, at_end in ends:
             if velocity.any():
+                # An infinite bound belongs to a constraint that does not apply.
                 at_end[np.isfinite(at_end)] = 1 + EQUALITY_TOLERANCE
         return replace(base, path_bound=bound)
 
     def scaled(self, values: Array, order: int) -> Array:
-        """Convert values of the joints to the coordinates u and to scaled time.
+        """Convert joint positions or their time derivatives to the scaled coordinates u.
 
         Parameters
         ----------
         values : (…, 4) array
             q − q0 in rad and m, or one of its derivatives with respect to time in s.
         order : int
-            Order of the derivative.
+            Order of the derivative, 0 for positions.
 
         Returns
         -------
         (…, m) array
-            The same derivative of u with respect to scaled time.
+            The same derivative of u = (q − q0)/d with respect to scaled time, for the m moving
+            joints.
         """
+        # A joint at rest may have the unit 0, which is replaced by 1. The result omits the joint.
         return (values * self.time_scale**order / np.where(self.unit > 0, self.unit, 1.0))[
             ..., self.moving
         ]
 
     @cached_property
     def complete_element(self) -> FreeElement:
-        """Functions of one element, with all path constraints that the motion must keep.
+        """Functions of one element (time interval), with all path constraints of the motion.
 
-        The constraints are the limits of task coordinates, tool speeds, the eye, and the motor
+        The path constraints are the limits of task coordinates, tool speeds, the eye, and the motor
         torques of moving joints.
         """
         problem = self.phase.problem
@@ -239,10 +249,10 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def ignored_rows(self) -> Mask:
-        """True where a path constraint does not apply to an element, (n, r).
+        """True where one of r path constraints does not apply to an element, (n, r).
 
-        The distance to the retina is not limited where the tip is outside the eye or in its port,
-        that is, in the incision through which the tool enters.
+        The only such constraint is the distance to the retina. It is not limited while the tip is
+        outside the eye or in its port, that is, in the incision through which the tool enters.
         """
         mask, eye = super().ignored_rows.copy(), self.phase.problem.eye
         if eye is not None:
@@ -251,20 +261,18 @@ class FreeProblem(OcpProblem):
         return mask
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the constant arguments of the functions that evaluate an element.
-
-        An element is a time interval of the motion.
+        """Return the parameter vectors of the functions that evaluate one element (time interval).
 
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            Variables of the latest motion. Each row contains four values for each of m coordinates
-            and the length of an element. The constants of free motions do not depend on it.
+            Latest motion. It is not used, because the parameters of a free motion do not depend on
+            it. Those of a motion along a path do (`OcpProblem.element_parameters`).
 
         Returns
         -------
         sigma : (n, 4) array
-            Directions of the joints in each element: +1, −1 or 0.
+            Direction of each joint in each element: +1, −1 or 0.
         parameters : (size,) array
             Start, units and limits in the order of `FreeElement.layout`, the same for all elements.
         """
@@ -272,12 +280,11 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def _parameters(self) -> Array:
-        """Pack the constants of the problem into the parameter vector of the element functions.
+        """Parameter vector of the element functions, (size,), in the order of `FreeElement.layout`.
 
-        The functions of one element (time interval), which give its path constraints and its cost,
+        The functions of one element (time interval) give its path constraints and its cost. They
         receive this vector in addition to the directions of the joints. It contains the start
-        position, the scaling units of the unknowns, and the limits of joints, tool and task
-        coordinates, in the order of `FreeElement.layout`.
+        position, the units of the unknowns, and the limits of joints, tool and task coordinates.
         """
         problem = self.phase.problem
         ranges = np.array(
@@ -300,12 +307,11 @@ class FreeProblem(OcpProblem):
 
     @property
     def _whole_turns(self) -> Array:
-        """Whole turns, in rad, by which the ranges of task coordinates are shifted.
+        """Whole turns in rad by which the ranges of roll and spin are shifted, (2,).
 
-        There is one value for each of `RANGE_LIMITED_COORDINATES`. The path constraints compute
-        these angles as `task_of_joints` does: the values are not wrapped, so they may differ by
-        whole turns from the values in (−π, π], to which the ranges refer at the first point. The
-        shift is this difference.
+        There is one value for each of `RANGE_LIMITED_COORDINATES`. At the first point, a range
+        refers to an angle in (−π, π]. The path constraints compute the angle with `task_of_joints`,
+        which does not reduce it to this interval. The shift is the difference of both angles.
         """
         start = self.chain.points[0]
         unwrapped = task_of_joints(NUMPY, self.phase.mechanism, tuple(start))
@@ -321,12 +327,15 @@ class FreeProblem(OcpProblem):
     def _retina_easing(self) -> float:
         """Amount by which the retina's constraint is relaxed, so that it allows all given points.
 
-        The constraint is a function of the tip's position that must not be positive. Rounding may
-        make it slightly positive at a given point inside the eye, which the tests before planning
-        still accept. Without the relaxation, the program would then have no solution.
+        The constraint is the dimensionless value of `retina_constraint`. It must not be positive.
+        Rounding may make it slightly positive at a given point inside the eye. The tests before
+        planning still accept such a point. Without the relaxation, the program would have no
+        solution.
         """
         if self.phase.problem.eye is None:
             return 0.0
+        # The depth of the tip depends on joint 4 alone. Only points whose positions are all given
+        # count.
         in_eye = np.abs(self.chain.points[:, 3]) > self.phase.problem.eye.port + ROUNDING_TOLERANCE
         points = self.chain.points[self.chain.fixed.all(axis=1) & in_eye]
         constraint_values = retina_constraint(
@@ -337,18 +346,25 @@ class FreeProblem(OcpProblem):
     def direction_multipliers(self, solution: NlpSolution) -> DirectionMultipliers | None:
         """Estimate how much time reversals of joints, or motions of resting joints, could save.
 
-        The estimate is of first order. It follows from the Lagrange multipliers of the constraints
-        "u̇ keeps its direction", and for joints at rest from `reduced_costs`.
+        The estimate is of first order. For a moving joint, it follows from the Lagrange multipliers
+        of the constraint "u̇ keeps its direction". For a joint at rest, it follows from the reduced
+        costs (module `reduced_costs`).
 
         Parameters
         ----------
         solution : NlpSolution
-            Solution of the program.
+            Solution of the nonlinear program.
 
         Returns
         -------
         DirectionMultipliers or None
-            None if the solver provides no multipliers.
+            Savings as shares of the duration, for each joint and each element (time interval). None
+            if the solver provides no multipliers.
+
+        Notes
+        -----
+        With the multiplier λ_jk of joint j in element k, the velocity limit V_j and the duration T,
+        the saving is V_j λ_jk / T.
         """
         multipliers = solution.multipliers
         structure = solution.structure
@@ -357,20 +373,21 @@ class FreeProblem(OcpProblem):
         lengths = solution.elements[:, -1]
         directions = self.directions[structure.segment]
         velocity = self.joint_limits["velocity"] * self.time_scale
-        # A multiplier is a derivative with respect to u̇. Its product with the limit of u̇ is the
+        # A multiplier is the saving for each unit of u̇. Its product with the limit of u̇ is the
         # saving if the joint moved at its largest velocity.
         values = np.zeros((structure.elements, 4))
         values[:, self.moving] = multipliers.direction * (
             velocity[self.moving] / self.unit[self.moving]
         )
-        # Joints at rest have no constraint, so their savings follow from reduced costs.
+        # Joints at rest have no such multipliers, so their savings follow from reduced costs.
         standing = np.setdiff1d(np.arange(4), self.moving)
         if standing.size and multipliers.rows.any():
             gradient = self._gradient_of_all_joints(solution, multipliers)
             for i in standing:
                 values[:, i] = velocity[i] * steepest_descent(gradient[:, :, i], lengths)
         instants = np.append(0.0, np.cumsum(lengths))
-        # Borders at the port and at free reversals are not points that the problem states.
+        # True for borders that are points of the problem. Borders at the port of the eye and at
+        # free reversals are not.
         is_point = [
             k not in self.chain.ports and bool(fixed.all())
             for k, fixed in enumerate(self.chain.fixed)
@@ -386,23 +403,26 @@ class FreeProblem(OcpProblem):
     def _gradient_of_all_joints(self, solution: NlpSolution, multipliers: Multipliers) -> Array:
         """Compute the gradient of λᵀ G, the path constraints G weighted by their multipliers λ.
 
-        The joints at rest are included, although the program has no unknowns for them.
+        The derivatives with respect to joints at rest are included, although the program has no
+        unknowns for them.
 
         Parameters
         ----------
         solution : NlpSolution
-            Solution of the program.
+            Solution of the nonlinear program with n elements (time intervals).
         multipliers : Multipliers
-            Its multipliers.
+            Its multipliers, and the names of the path constraints to which they belong.
 
         Returns
         -------
         (n, 3, 4) array
-            Derivatives with respect to q, q̇ and q̈ of every joint, in scaled time.
+            Derivatives with respect to q, q̇ and q̈ of each of the four joints in each element, for
+            positions in rad and m and for scaled time.
         """
         elements, orders = solution.elements, np.arange(4)
         unit = np.where(self.unit > 0, self.unit, 1.0)
         # Vectors z with u, u̇, ü at the start and ü at the end of all four joints, and the length.
+        # The columns of joint i are i, 4 + i, 8 + i and 12 + i. They are 0 for joints at rest.
         element_variables = np.zeros((len(elements), 17))
         element_variables[:, np.add.outer(4 * orders, self.moving).ravel()] = elements[:, :-1]
         element_variables[:, -1] = elements[:, -1]
@@ -415,13 +435,15 @@ class FreeProblem(OcpProblem):
         gradient = constraint_gradient(
             element, element_variables, (sigma, parameters), multipliers.rows
         )
-        # Derivatives with respect to q, q̇, q̈ at the start and q̈ at the end, (n, 4, 4).
+        # Derivatives with respect to q, q̇, q̈ at the start and q̈ at the end, (n, 4, 4). The last
+        # axis is the joint. A constant q̈ changes both values of q̈, so their derivatives are added.
         by_state = gradient[:, :-1].reshape(-1, 4, 4) / unit
         return np.stack([by_state[:, 0], by_state[:, 1], by_state[:, 2] + by_state[:, 3]], axis=1)
 
     def result(self, solution: NlpSolution) -> PhaseSolution:
-        """Convert a solution of the program to joint polynomials in SI units.
+        """Convert a solution of the nonlinear program to joint polynomials in SI units.
 
+        The result has one quintic polynomial of each joint for each element (time interval).
         Neighbouring polynomials have exactly the same position and velocity at their common end.
 
         Parameters
@@ -441,7 +463,22 @@ class FreeProblem(OcpProblem):
         boundary = self.boundary
 
         def joints(values: Array, order: int) -> Array:
-            """Convert a derivative of u (n, m) to that of q (n, 4)."""
+            """Convert values of the coordinates u, or of a time derivative, to those of the joints.
+
+            The function reads the number of elements from the enclosing method.
+
+            Parameters
+            ----------
+            values : (n, m) array
+                u, or one of its derivatives with respect to scaled time.
+            order : int
+                Order of the derivative, 0 for u.
+
+            Returns
+            -------
+            (n, 4) array
+                q in rad and m, or the same derivative with respect to time in s.
+            """
             expanded = np.zeros((count, 4))
             expanded[:, self.moving] = values * self.unit[self.moving] / self.time_scale**order
             return expanded + (self.chain.points[0] if order == 0 else 0.0)
@@ -457,7 +494,8 @@ class FreeProblem(OcpProblem):
             (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),
             (joints(next_states[0], 0), joints(next_states[1], 1), joints(pieces.a1, 2)),
         )
-        # The segments before and after the port belong together.
+        # A passage of the port is no border for later steps, so the segments before and after it
+        # are joined. Their directions can be added, because a joint never reverses at the port.
         border_indices = [k for k in range(len(self.chain.points)) if k not in self.chain.ports]
         border_instants = breaks[[*solution.structure.borders, count]][border_indices]
         directions = np.sign(np.add.reduceat(self.directions, border_indices[:-1]))

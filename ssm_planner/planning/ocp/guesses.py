@@ -1,8 +1,9 @@
 """Initial guesses of a free motion, from each of its points to the next one.
 
-A guess is the motion at which the solver of the optimal control problem begins. It follows from
-the closed forms of the single joints (`joint_profile`). If an earlier solution has suggested
-reversals of joints, the guess is sampled from this earlier motion.
+In a free motion, the solver chooses the joint path between given points. A guess is the motion at
+which the solver of the optimal control problem begins. It follows from a motion of each joint alone
+in closed form (`joint_profile`). If an earlier solution has suggested reversals of joints, the
+guess is sampled from this earlier motion.
 """
 
 from itertools import pairwise
@@ -40,26 +41,28 @@ def guess_between(
     count: int,
     least_count: int,
 ) -> SegmentChain:
-    """Build the guess of a motion between two points.
+    """Build the guess of a motion between two points from motions of the single joints.
 
-    All joints take the duration of the slowest one. If a joint must reverse because of its velocity
-    at an end, the reversals of all joints, ordered in time, divide the motion into segments.
+    All joints take the duration of the slowest one. The velocity of a joint at a point may force it
+    to reverse between the points. The reversals of all joints, in the order of time, divide the
+    motion into segments, in which no joint reverses.
 
     Parameters
     ----------
-    start : (m,) array
+    start : (4,) array
         Joint positions at the first point, rad and m.
-    displacement : (m,) array
-        Displacements to the second point, rad and m.
-    speeds : (2, m) array
-        Joint velocities q̇ at both points.
-    limits : (3, m) array
-        Limits of velocity, acceleration and jerk of the joints.
-    initial_acceleration : (m,) array, optional
-        Joint accelerations q̈ at the first point, by default 0. They only count if the jerk is
-        limited.
+    displacement : (4,) array
+        Displacements of the joints to the second point, rad and m.
+    speeds : (2, 4) array
+        Joint velocities q̇ at both points, rad/s and m/s.
+    limits : (3, 4) array
+        Limits of velocity, acceleration and jerk of the joints, in SI units. The jerk is infinite
+        without a limit.
+    initial_acceleration : (4,) array, optional
+        Joint accelerations q̈ at the first point, rad/s² and m/s², by default 0. They only count if
+        the jerk is limited.
     count : int
-        Approximate number of elements.
+        Approximate number of mesh elements (time intervals) between the points.
     least_count : int
         Smallest number of elements between two switching points, that is, instants at which the
         acceleration (with a jerk limit: the jerk) of the slowest joint jumps.
@@ -67,7 +70,7 @@ def guess_between(
     Returns
     -------
     SegmentChain
-        Segments between the reversals of all joints.
+        The segments between the reversals, with their guesses. One segment if no joint reverses.
     """
     accelerations = np.zeros(len(start)) if initial_acceleration is None else initial_acceleration
     profiles = [
@@ -86,7 +89,8 @@ def guess_between(
     ]
     borders, directions = _reversals_in_order(profiles, duration)
     switches = slowest.with_duration(duration).switching_times.tolist()
-    # The solver determines the instants of the reversals, so it needs no elements close to them.
+    # The solver shifts the reversals in time anyway, so a switching point close to a reversal gets
+    # no elements of its own. Without velocities at the points, no joint reverses.
     gap = MIN_SEGMENT_SHARE * duration if speeds.any() else 0.0
     guesses = []
     for begin, end in pairwise(borders):
@@ -103,7 +107,8 @@ def guess_between(
                 least_count=least_count,
             )
         )
-    # The positions of joints that rest are given, all others only at both ends.
+    # Positions at the borders of the segments. At inner borders, only those of joints that rest
+    # during the whole motion are given. The others are guesses.
     points = np.array([*(guess.elements.u[0] for guess in guesses), start + displacement])
     fixed = np.tile([not profile.is_moving for profile in profiles], (len(borders), 1))
     fixed[[0, -1]] = True
@@ -111,23 +116,25 @@ def guess_between(
 
 
 def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[list[float], Array]:
-    """Return the borders between segments in the order of time, and the directions of the joints.
+    """Collect the reversals of all joints in the order of time, and the directions between them.
 
     Parameters
     ----------
-    profiles : list of JointProfile
-        Motions of the m joints.
+    profiles : list of m JointProfile
+        Motion of each joint between two points, with its reversals.
     duration : float
-        Duration of the motion, s.
+        Common duration of the motions, s.
 
     Returns
     -------
     borders : list of k + 1 floats
         Start, reversals and end of the motion, s. Neighbours have a distance of at least
-        `MIN_SEGMENT_SHARE` times the duration.
+        `MIN_SEGMENT_SHARE` times the duration, so the last border may lie after `duration`.
     directions : (k, m) array
-        Direction +1, −1 or 0 of each joint between two borders.
+        Direction +1, −1 or 0 of each joint between two neighbouring borders.
     """
+    # Instants of the reversals with the indices of their joints. `reversal_times` counts the first
+    # ones from the start (side 0) and the last one from the end (side 1).
     reversals = [
         (t if side == 0 else max(duration - t, 0.0), i)
         for i, profile in enumerate(profiles)
@@ -135,13 +142,15 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
         for t in times
     ]
     borders = [0.0]
+    # Each reversal near the start changes the sign, so an odd number of them means that the joint at
+    # first moves against its peak velocity.
     directions = [
         [
             profile.sign * (-1.0) ** len(profile.reversal_times[0]) if profile.is_moving else 0.0
             for profile in profiles
         ]
     ]
-    # Each reversal begins a segment in which one joint has the other direction.
+    # At each reversal, a segment begins in which one joint has the opposite direction.
     for t, i in sorted(reversals):
         borders.append(max(t, borders[-1] + MIN_SEGMENT_SHARE * duration))
         directions.append(directions[-1].copy())
@@ -151,22 +160,23 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
 
 
 def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[SegmentChain]:
-    """Build the guess of a motion with reversals from the earlier motion in `borders.guess`.
+    """Sample the guess of a motion with known reversals from the earlier motion in `borders.guess`.
 
     Parameters
     ----------
     borders : Borders
-        Positions (points and reversals) between which no joint reverses, with the directions of the
-        joints between them, and a motion through them.
+        The points of the motion, and its reversals. No joint reverses between two neighbouring
+        borders. Its fields `guess` (a motion through the borders) and `directions` (of the joints
+        between the borders) must be given.
     count : int
-        Approximate number of elements in all.
+        Approximate number of mesh elements (time intervals) of the whole motion.
     least_count : int
         Half the smallest number of elements between two borders.
 
     Returns
     -------
     list of SegmentChain
-        One segment for each pair of neighbouring borders.
+        A chain with one segment for each pair of neighbouring borders.
     """
     assert borders.guess is not None
     assert borders.directions is not None
@@ -177,7 +187,8 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
         element_count = max(2 * least_count, round(count * (end - start) / motion.duration))
         t = np.linspace(start, end, element_count + 1)
         guess = SegmentGuess.sampled(motion, t, (element_count,))
-        # Velocities against the direction of the segment are not allowed.
+        # The directions may differ from those of the earlier motion. Velocities against the new
+        # direction are not allowed, so they become 0. `velocity` is the array in `guess` itself.
         velocity = guess.elements.v
         velocity[velocity * signs <= 0] = 0.0
         fixed = np.ones(points.shape, dtype=bool)
@@ -188,31 +199,37 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
 def jerk_limits_of_all_joints(
     limits: dict[str, Array], displacements: Array, ends: tuple[Array, Array]
 ) -> Array:
-    """Return jerk limits for all joints of a robot that limits the jerk of some joints.
+    """Choose jerk limits for those joints that have none, if other joints of the robot have one.
 
-    The program limits the jerk of either all joints or none. A joint without a limit gets one with
-    which it reaches its largest acceleration in the share `ACCELERATION_RAMP_SHARE` of the shortest
-    time between two points, which hardly slows it down.
+    The nonlinear program limits the jerk of either all joints or none. The chosen limit hardly
+    slows a joint down: with it, the joint reaches its largest acceleration in the share
+    `ACCELERATION_RAMP_SHARE` of the shortest time between two points.
 
     Parameters
     ----------
-    limits : dict
-        Joint limits (4,) by name, in SI units. A jerk of `UNLIMITED` means no limit.
+    limits : dict of (4,) arrays
+        Limits of the joints by name ("velocity", "acceleration", "jerk"), in SI units. A jerk of
+        `UNLIMITED` means no limit.
     displacements : (k, 4) array
-        Displacements between the points, rad and m.
+        Displacements of the joints between neighbouring points, rad and m.
     ends : ((4,), (4,)) arrays
-        Joint velocities q̇ at the start and at the end of the motion.
+        Joint velocities q̇ at the start and at the end of the motion, rad/s and m/s.
 
     Returns
     -------
     (4,) array
-        Limits of jerk, rad/s³ and m/s³.
+        Limits of jerk, rad/s³ and m/s³. The limits of the robot are unchanged.
     """
     velocity, acceleration, jerk = (limits[name] for name in KINEMATIC_LIMITS)
+    # Upper estimate of the shortest time of each joint between two points, (k, 4): the time at the
+    # velocity limit, and the time to accelerate and brake without this limit. At both ends of the
+    # motion, the time of a stop from the velocity there is added.
     least_durations = np.abs(displacements) / velocity + 2 * np.sqrt(
         np.abs(displacements) / acceleration
     )
     for k, speed in zip((0, -1), ends, strict=True):
         least_durations[k] += np.abs(speed) / acceleration
+    # Between two points, the slowest joint decides. Then the pair of points with the shortest time
+    # counts.
     ramp = ACCELERATION_RAMP_SHARE * least_durations.max(axis=1).min()
     return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)

@@ -1,9 +1,15 @@
-"""Motion of one joint between two given velocities in closed form, for the guess of a free motion.
+"""Motion of one joint between two points in closed form, for the initial guess of a free motion.
 
-A joint from rest to rest makes its fastest motion, stretched to the duration of the slowest joint.
-A joint with a velocity at an end changes it to a peak velocity, cruises (moves at this constant
-velocity), and changes to its final velocity. Each change of velocity, at constant acceleration, is
-called a ramp. If the peak points against the velocity at an end, the joint reverses near that end.
+The velocities of the joint at both points are given. There are three cases:
+
+- A joint that moves from rest to rest makes its fastest motion, stretched in time to the duration
+  of the slowest joint.
+- A joint whose jerk is limited and whose velocity or acceleration at the start forces it to reverse
+  first makes its quickest stop. It then moves from rest to rest.
+- Any other joint changes its velocity to a peak velocity, cruises (moves at this constant
+  velocity), and changes to its final velocity. Each change of velocity takes place at constant
+  acceleration and is called a ramp. If the peak velocity and the velocity at an end have opposite
+  directions, the joint reverses near that end.
 """
 
 import math
@@ -24,22 +30,22 @@ from ssm_planner.typing import Array, record
 
 @record
 class JointProfile:
-    """Family of motions of one joint between two given velocities, one for each duration.
+    """Family of motions of one joint over a given displacement, one motion for each duration.
 
-    The joint changes its velocity to a peak, cruises, and changes its velocity again. Jerk is only
-    limited in motions from rest to rest, and in motions that begin with a stop.
+    The joint changes its velocity to a peak, cruises at this velocity, and changes its velocity
+    again. Jerk is only limited in motions from rest to rest, and in motions that begin with a stop.
     """
 
     displacement: float
     """Displacement, rad or m."""
     speeds: tuple[float, float]
-    """Velocities at both ends, rad/s or m/s."""
+    """Velocities at the start and at the end, rad/s or m/s."""
     velocity: float
-    """Limit of the velocity, at least as large as the velocities at both ends."""
+    """Limit of |q̇|, rad/s or m/s. It is at least as large as |q̇| at both ends."""
     acceleration: float
-    """Limit of the acceleration, which all changes of velocity reach."""
+    """Limit of |q̈|, rad/s² or m/s². All changes of velocity of a joint at speed reach it."""
     jerk: float
-    """Limit of the jerk. Infinite without a limit."""
+    """Limit of |q⃛|, rad/s³ or m/s³. Infinite without a limit."""
     sign: float
     """Direction of the peak velocity: +1 or −1."""
     stop: SCurve | None = None
@@ -49,7 +55,7 @@ class JointProfile:
     from rest to rest.
     """
     stop_reversals: tuple[float, ...] = ()
-    """Times from the start at which the joint reverses during and at the end of this stop, s."""
+    """Times from the start at which the joint reverses during this stop or at its end, s."""
 
     @classmethod
     def from_limits(
@@ -59,38 +65,42 @@ class JointProfile:
         limits: Array,
         initial_acceleration: float = 0.0,
     ) -> "JointProfile":
-        """Build the profile of a joint from its limits.
+        """Build the motions of a joint from its displacement, its velocities and its limits.
 
         Parameters
         ----------
         displacement : float
             Displacement, rad or m.
         speeds : (float, float)
-            Velocities at both ends.
+            Velocities at the start and at the end, rad/s or m/s.
         limits : (3,) array
-            Limits of velocity, acceleration and jerk.
+            Limits of velocity, acceleration and jerk, in SI units.
         initial_acceleration : float
-            Acceleration at the start. It only counts if the jerk is limited.
+            Acceleration at the start, rad/s² or m/s². It only counts if the jerk is limited.
 
         Returns
         -------
         JointProfile
-            The motions of the joint, with the direction of their peak velocity.
+            The motions, with the direction of their peak velocity.
         """
         velocity, acceleration, jerk = limits.tolist()
         sign = _peak_sign(displacement, speeds, acceleration)
+        # A given velocity may exceed the limit by rounding, so the limit is raised to it.
         fastest = max(velocity, *map(abs, speeds))
+        # The motion as if it did not begin with a stop.
         profile = cls(displacement, speeds, fastest, acceleration, jerk=jerk, sign=sign)
         start, end = speeds
         first_direction = np.sign(start or initial_acceleration)
         if math.isinf(jerk) or not first_direction or end:
             return profile
         stop = quickest_stop(start, initial_acceleration, acceleration, jerk)
-        # At its end, the stop brakes against the velocity.
+        # The last piece of the stop brakes against the velocity, so the velocity in this piece has the
+        # opposite sign of the acceleration.
         last_direction = -float(np.sign(stop.start[-1]))
         remaining = displacement - stop.distance
         is_at_target = abs(remaining) <= ROUNDING_TOLERANCE
         sign = last_direction if is_at_target else math.copysign(1.0, remaining)
+        # The joint may reverse at the end of the first piece of the stop, and at the end of the stop.
         is_reversal = [last_direction != first_direction, sign != last_direction]
         if not any(is_reversal):
             return profile
@@ -105,7 +115,13 @@ class JointProfile:
 
     @property
     def reversal_times(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Times from the start to the first reversals, and from the last reversal to the end, s."""
+        """Times from the start to the first reversals, and from the last reversal to the end, s.
+
+        A joint reverses near an end if its velocity there points against its peak velocity. The
+        time is that of a stop from this velocity. A joint whose motion begins with a stop may
+        reverse during this stop and at its end. Each of the two tuples is empty if the joint does
+        not reverse near that end.
+        """
         if self.stop is not None:
             return self.stop_reversals, ()
         at_start, at_end = (
@@ -116,7 +132,7 @@ class JointProfile:
 
     @property
     def duration(self) -> float:
-        """Smallest duration, s. 0 if the joint does not move."""
+        """Smallest duration of a motion of this family, s. 0 if the joint does not move."""
         if not self.is_moving:
             return 0.0
         if self.stop is not None:
@@ -127,22 +143,24 @@ class JointProfile:
         return float(minimum_times(self.displacement, *limits, self.speeds))
 
     def with_duration(self, duration: float) -> SCurve:
-        """Return the motion that takes a given duration.
+        """Compute the motion that takes a given duration.
 
         From rest to rest, it is the fastest motion, stretched in time. Otherwise a bisection finds
-        its peak velocity.
+        the peak velocity for which the ramps (changes of velocity) and the cruise (motion at the
+        peak velocity) take this duration together.
 
         Parameters
         ----------
         duration : float
-            Duration, s. If a joint at speed needs more, the result is its fastest motion.
+            Duration, s. If a joint with a velocity at an end needs more, the result is its fastest
+            motion.
 
         Returns
         -------
         SCurve
-            The motion. A joint whose peak velocity is 0 rests between both ramps. A joint that
-            cannot be so slow cruises at its lowest peak velocity, and covers more than the
-            displacement. As a guess this suffices.
+            The motion. If a stop and a start cover exactly the displacement, the joint rests in
+            between. If they cover more, the joint cannot stop. It then cruises at its lowest peak
+            velocity until the duration has passed, and moves too far. As a guess this suffices.
         """
         if self.stop is not None:
             rest = self._fastest_from_rest().stretched(duration - self.stop.duration)
@@ -153,29 +171,43 @@ class JointProfile:
         start, end = (self.sign * speed for speed in self.speeds)
         distance = self.sign * self.displacement
         acceleration = self.acceleration
-        # Distance of a stop from the initial velocity and of a start to the final velocity.
+        # Signed distance of a stop from the initial velocity and of a start to the final velocity.
         ramp_distance = (start * abs(start) + end * abs(end)) / (2 * acceleration)
-        # Peak velocities of the slowest and of the fastest motion. The joint comes to rest in the
-        # slowest motion (low = 0) unless the displacement is shorter than the ramps.
+        # Peak velocities of the slowest and of the fastest motion. In the slowest motion the joint
+        # comes to rest (low = 0), unless the displacement is shorter than `ramp_distance`. Without
+        # a cruise, both ramps cover (peak² − (start² + end²)/2) / acceleration if the peak is above
+        # both velocities, and the negative of this if it is below. Solved for the peak, this gives
+        # `high` and `low`.
         low = math.sqrt(max(ramp_distance - distance, 0.0) * acceleration)
         high = min(
             math.sqrt(max(acceleration * distance + (start**2 + end**2) / 2, 0.0)), self.velocity
         )
 
         def ramp_and_cruise_times(peak: float) -> tuple[float, float, float]:
-            """Return the durations of the first ramp, of cruising and of the last ramp, s."""
+            """Return the durations of the first ramp, of the cruise and of the last ramp, s.
+
+            The function reads `start`, `end`, `distance` and `acceleration` from the enclosing
+            method.
+
+            Parameters
+            ----------
+            peak : float
+                Peak velocity ≥ 0 in the direction `sign`, rad/s or m/s.
+            """
             ramps = abs(peak - start) / acceleration, abs(peak - end) / acceleration
             travelled = ramps[0] * (start + peak) / 2 + ramps[1] * (end + peak) / 2
             return ramps[0], max(distance - travelled, 0.0) / peak if peak > 0 else 0.0, ramps[1]
 
-        # A higher peak velocity gives a shorter motion.
+        # A higher peak velocity gives a shorter motion. `high` is always the peak of a motion that
+        # takes less than `duration`, or of the fastest motion.
         for _ in range(BISECTION_STEPS):
             middle = (low + high) / 2
             low, high = (
                 (low, middle) if sum(ramp_and_cruise_times(middle)) < duration else (middle, high)
             )
         ramp_up, cruise, ramp_down = ramp_and_cruise_times(high)
-        # Between its ramps, a joint without any distance to cover rests for the remaining time.
+        # If a stop and a start already cover the displacement, the middle piece fills the remaining
+        # time: the joint rests, or cruises too far.
         if distance - ramp_distance <= ROUNDING_TOLERANCE:
             cruise = max(duration - ramp_up - ramp_down, 0.0)
         times = np.array([ramp_up, cruise, ramp_down])
@@ -184,26 +216,30 @@ class JointProfile:
         return SCurve.from_pieces(times, accelerations, accelerations, self.speeds[0])
 
     def _fastest_from_rest(self) -> SCurve:
-        """Return the fastest motion from rest to rest, after the stop if there is one."""
+        """Return the fastest motion from rest to rest over the displacement of the joint.
+
+        If the motion begins with a stop, it covers the displacement that remains after the stop.
+        """
         limits = self.velocity, self.acceleration, self.jerk
         stopped = 0.0 if self.stop is None else self.stop.distance
         return rest_to_rest(abs(self.displacement - stopped), *limits).scaled(self.sign)
 
 
 def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: float) -> float:
-    """Return the direction +1 or −1 of the peak velocity of a joint.
+    """Determine the direction of the peak velocity of a joint.
 
-    It is the sign of the displacement that remains after a stop from the initial velocity and a
-    start to the final velocity.
+    It is the direction in which the joint must still move if it stops from its initial velocity and
+    starts to its final velocity. The exception is a joint whose two velocities have the same
+    direction: it need not stop in between.
 
     Parameters
     ----------
     displacement : float
         Displacement, rad or m.
     speeds : (float, float)
-        Velocities at both ends.
+        Velocities at the start and at the end, rad/s or m/s.
     acceleration : float
-        Acceleration of the changes of velocity, rad/s² or m/s².
+        Magnitude of the acceleration while the velocity changes, rad/s² or m/s².
 
     Returns
     -------
@@ -211,10 +247,13 @@ def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: f
         +1 or −1.
     """
     start, end = speeds
+    # A stop from the velocity v covers v |v| / (2 a), and so does a start to v.
     remaining = displacement - (start * abs(start) + end * abs(end)) / (2 * acceleration)
     if start * end > 0 and remaining * start < 0:
-        # Both velocities have the same direction, so the joint need not stop in between. It only
-        # reverses if the displacement is shorter than a direct change of velocity needs.
+        # Both velocities have the same direction, but the displacement is too short for a stop in
+        # between. The joint reverses only if the displacement is also shorter than the distance of
+        # a direct change of velocity.
         shortest = (start + end) / 2 * abs(end - start) / acceleration
         return math.copysign(1.0, start if (displacement - shortest) * start >= 0 else -start)
+    # If no displacement remains, the joint keeps the direction of a velocity at an end.
     return math.copysign(1.0, remaining if abs(remaining) > ROUNDING_TOLERANCE else end or start)

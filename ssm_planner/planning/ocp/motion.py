@@ -1,8 +1,9 @@
 """Motion of a phase in SI units: joint polynomials, directions and reversals of the joints.
 
-A phase is a part of a mission from one stop to the next. `free` and `straight` return its motion as
-a `PhaseSolution`. `reversals` reads the direction multipliers of a solution, and proposes `Borders`
-at which joints may reverse in the next one.
+A phase is an entry of the problem's motion list with its joint positions. It usually begins and
+ends at rest. `free` and `straight` return its motion as a `PhaseSolution`. `DirectionMultipliers`
+show where reversals of joints would save time. From them, `reversals` proposes `Borders` at which
+joints may reverse in the next solution.
 """
 
 from dataclasses import field, replace
@@ -18,39 +19,44 @@ from ssm_planner.typing import Array, record
 
 @record
 class DirectionMultipliers:
-    """Time that a motion would save, to first order, if its joints left their directions.
+    """Time that a free motion would save, to first order, if its joints left their directions.
 
-    In an optimised motion, every joint keeps its direction between two borders. A large multiplier
-    shows where a reversal would save time. `FreeProblem.direction_multipliers` computes the values
-    from the Lagrange multipliers of the optimal control problem, for a motion with n elements (time
-    intervals).
+    In an optimised motion, every joint keeps its direction between two borders, that is, positions
+    at which joints may reverse. A large multiplier shows where a further reversal would save time.
+    `FreeProblem.direction_multipliers` computes the values from the Lagrange multipliers of the
+    optimal control problem, for a motion with n elements (time intervals).
     """
 
     instants: Array
-    """Ends of the elements, (n + 1,), s."""
+    """Start of the first element, and ends of all elements, (n + 1,), s."""
     directions: Array
-    """Directions of the joints: +1, −1, or 0 for a joint that does not move, (n, 4)."""
+    """Direction of each joint in each element: +1, −1, or 0 if it does not move, (n, 4)."""
     values: Array
-    """Savings as a share of the duration, (n, 4).
+    """Savings of each joint in each element, as shares of the duration, (n, 4).
 
-    The joint moves against its direction with its largest velocity during the element. A joint
-    without a direction moves either way.
+    |value| is the saving if the joint moved with its largest velocity during the element, against
+    its direction. The sign of the value is the direction of this movement. A joint at rest may have
+    either sign.
     """
     points: Array
     """Instants at which the motion passes the given points, its ends included, (k,), s."""
 
     @property
     def largest_joint_sum(self) -> float:
-        """Largest of the four joints' sums of |values| over the elements."""
+        """Largest saving by one joint: the largest of the four joints' sums of |values|.
+
+        The sum is taken over all elements (time intervals). It is a share of the duration.
+        """
         return float(np.abs(self.values).sum(axis=0).max(initial=0.0))
 
 
 @record
 class Borders:
-    """Positions of a free motion at which joints may reverse, its start and end included.
+    """Positions of a free motion at which joints may reverse, with its start and end.
 
-    No joint reverses between two consecutive borders. The borders are the given points, and
-    positions that an earlier motion or a test in closed form suggests.
+    Between two consecutive borders no joint reverses, unless its velocities there (`via_velocity`)
+    force it to. The borders are the given points, and positions that an earlier motion or a test
+    suggests.
     """
 
     points: Array
@@ -63,9 +69,9 @@ class Borders:
     None: the signs of the displacements from border to border.
     """
     via_velocity: Array | None = None
-    """Joint velocities q̇ of the guess at the inner borders, (k − 1, 4). None: 0.
+    """Joint velocities q̇ of the guess at the inner borders, (k − 1, 4), rad/s and m/s. None: 0.
 
-    They decide between which borders joints reverse.
+    A velocity that is not 0 may force its joint to reverse before or behind the border.
     """
     guess: tuple[Trajectory, Array] | None = None
     """A motion through the borders, and the instants at which it passes them, (k + 1,), s."""
@@ -73,7 +79,10 @@ class Borders:
 
 @record
 class PhaseSolution:
-    """Motion of a phase (entry of the motion list) as joint polynomials, or status of a failure."""
+    """Motion of a phase (entry of the motion list) as joint polynomials, or status of a failure.
+
+    After a failure, the fields that describe the motion are empty.
+    """
 
     status: str
     """Status "solved", "infeasible" or "not converged"."""
@@ -82,37 +91,48 @@ class PhaseSolution:
     iterations: int = 0
     """Number of iterations of the solver."""
     breaks: Array = field(default_factory=lambda: np.zeros(1))
-    """Ends of the pieces, (n + 1,) from 0, s."""
+    """Start and ends of the n polynomial pieces, (n + 1,), s. The first entry is 0."""
     coefficients: Array = field(default_factory=lambda: np.zeros((0, 6, 4)))
-    """Coefficients of the quintic pieces by powers of the time since their start, (n, 6, 4)."""
+    """Coefficients of the quintic pieces, (n, 6, 4), with the axes piece, power and joint.
+
+    The powers are those of the time since the start of the piece.
+    """
     solver: str = ""
     """Name of the solver that found the motion. Empty if none was needed."""
     border_instants: Array = field(default_factory=lambda: np.zeros(0))
-    """Instants between which no joint reverses, (k + 1,), s. They include those of the points."""
+    """Instants between which no joint reverses, (k + 1,), s.
+
+    They include the start, the end, and the passages of the given points.
+    """
     directions: Array = field(default_factory=lambda: np.zeros((0, 4)))
     """Directions of the joints between the borders of a free motion, (k, 4)."""
     direction_multipliers: DirectionMultipliers | None = None
-    """Savings of a free motion if its joints left their directions. None if they are unknown."""
+    """Estimated savings of a free motion by further reversals of joints. None if unknown."""
     confirmation: Confirmation | None = None
     """Ipopt's confirmation of the optimum. None without it."""
     refined: RefinedMotion | None = None
-    """Refinement of the fastest motion. None if the motion is already best for its objective."""
+    """Final refinement of the fastest motion, from which `free.find_best_free` continues.
+
+    None if the motion is already the best one for the objective.
+    """
 
     @classmethod
     def from_solver(cls, solution: NlpSolution, **motion: Any) -> "PhaseSolution":
-        """Build the result from the solution of a program.
+        """Build the motion of a phase from the solution of its nonlinear program.
 
         Parameters
         ----------
         solution : NlpSolution
             Solution, or the status of the failure.
         **motion
-            Fields that describe the motion in SI units. Empty after a failure.
+            Values of the fields that describe the motion in SI units. None are given after a
+            failure.
 
         Returns
         -------
         PhaseSolution
-            The motion with the status, message and iterations of the solver.
+            The given fields, with the status, the message, the number of iterations and the
+            confirmation of the solution.
         """
         return cls(
             solution.status,
@@ -125,7 +145,7 @@ class PhaseSolution:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The motion as a trajectory."""
+        """The motion as a trajectory without named phases."""
         return Trajectory(self.breaks, self.coefficients, ())
 
     @property
@@ -139,9 +159,10 @@ class PhaseSolution:
         return float(self.breaks[-1])
 
     def slower(self, factor: float) -> "PhaseSolution":
-        """Return the motion along the same path with its duration multiplied by `factor`.
+        """Stretch the motion in time along the same path.
 
-        Only a motion from rest to rest keeps its velocities at both ends.
+        All velocities are divided by the factor. Velocities at both ends therefore remain only in a
+        motion from rest to rest.
 
         Parameters
         ----------
@@ -151,7 +172,7 @@ class PhaseSolution:
         Returns
         -------
         PhaseSolution
-            The motion. Its borders and multipliers belong to the new instants.
+            The stretched motion. The instants of its borders and savings are stretched too.
         """
         savings = self.direction_multipliers
         if savings is not None:
@@ -171,10 +192,11 @@ class PhaseSolution:
 
     @property
     def reversal_multiplier(self) -> float | None:
-        """Time that the motion would save if one joint reversed, as a share of the duration.
+        """Time that further reversals of one joint would save, as a share of the duration.
 
-        It is an estimate of first order: the largest of the four joints' sums of the savings in all
-        elements (time intervals) of the motion. None for a motion along a path.
+        It is an estimate of first order: for each joint, the savings in all elements (time
+        intervals) of the motion are added, and the largest of the four sums counts. None for a
+        motion along a given path, or if the savings are unknown.
         """
         return (
             None

@@ -303,7 +303,7 @@ class NlpData:
 
     @property
     def is_fixed(self) -> Mask:
-        """True where `lower` and `upper` are equal up to rounding and thus fix a value, (n, 4 m)."""
+        """True where `lower` and `upper` agree up to rounding, which fixes a value, (n, 4 m)."""
         return np.asarray(self.upper - self.lower <= ROUNDING_TOLERANCE)
 
     def needs_position_bounds(self, structure: NlpStructure) -> Mask:

@@ -1,12 +1,13 @@
 """Segments of a free motion, with their borders, directions and initial guesses.
 
-Every joint keeps its direction within a segment. Two neighbouring segments meet at a border, which
-is a given point, a reversal of a joint, or a passage of the port (incision) of an eye. `guesses`
-creates the segments, and `free_problem` reads them.
+In a free motion, the solver chooses the joint path. Every joint keeps its direction within a
+segment. Two neighbouring segments meet at a border, which is a given point, a reversal of a joint,
+or a passage of the port (incision) of an eye. `guesses` creates the segments, and `free_problem`
+reads them.
 
-The mesh divides a segment into elements (time intervals). An arc is a group of consecutive elements
-between two switching points, that is, instants at which the acceleration of a joint jumps in the
-guess (with a jerk limit: at which its jerk jumps).
+The mesh divides a segment into elements (time intervals). A switching point is an instant at which
+the acceleration of a joint (with a jerk limit: its jerk) jumps in the guess. An arc is a group of
+consecutive elements between two switching points.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -32,35 +33,41 @@ class SegmentGuess:
     arcs: tuple[int, ...]
     """Number of elements of each arc, that is, between two consecutive switching points.
 
-    At a switching point, the acceleration of a joint jumps in the guess, or its jerk.
+    A switching point is an instant at which the acceleration of a joint (with a jerk limit: its
+    jerk) jumps in the guess.
     """
 
     @classmethod
     def sampled(cls, motion: Trajectory, instants: Array, arcs: tuple[int, ...]) -> "SegmentGuess":
-        """Sample the guess from a motion.
+        """Build a guess by sampling a motion at the ends of the elements.
 
         Parameters
         ----------
         motion : Trajectory
             Motion of the joints.
         instants : (n + 1,) array
-            Ends of the elements, s.
+            Start of the first element (time interval), and ends of all n elements, in the time of
+            the motion, s.
         arcs : tuple of int
-            Number of elements of each arc (between two switching points). Their sum is n.
+            Number of elements of each arc, that is, between two consecutive switching points. The
+            sum is n.
 
         Returns
         -------
         SegmentGuess
             Elements with the positions, velocities and accelerations of the motion.
         """
+        # The acceleration may jump at an end of an element. The value after the jump belongs to the
+        # start of the next element, and the value before it (side "left") to the end of this one.
         starts, ends = motion.sample(instants[:-1]), motion.sample(instants[1:], side="left")
         lengths = np.diff(instants)[:, None]
         return cls(CubicPiece(starts.q, starts.qd, starts.qdd, ends.qdd, lengths), arcs)
 
     @property
     def motion(self) -> Trajectory:
-        """The guess as joint polynomials, which begin at time 0."""
+        """The guess as a trajectory that begins at time 0, with one cubic for each element."""
         cubic = self.elements
+        # A trajectory has polynomials of degree 5. The coefficients of t^4 and t^5 are 0.
         zeros = np.zeros_like(cubic.u)
         coefficients = [cubic.u, cubic.v, cubic.a0 / 2, cubic.jerk / 6, zeros, zeros]
         breaks = np.append(0.0, np.cumsum(cubic.h))
@@ -69,10 +76,11 @@ class SegmentGuess:
     def divided_at_position(
         self, joint: int, position: float, least_count: int
     ) -> "tuple[SegmentGuess, SegmentGuess]":
-        """Divide the guess into halves of equal duration, between which a joint passes a position.
+        """Divide the guess into two halves, between which one joint passes a given position.
 
-        The motion of this joint is compressed in time in one half and stretched in the other one,
-        so that the joint has the given position in the middle.
+        Both halves have the same duration. To have the given position in the middle, the joint runs
+        through its motion faster in one half and more slowly in the other. The other joints move as
+        before.
 
         Parameters
         ----------
@@ -81,16 +89,19 @@ class SegmentGuess:
         position : float
             Position of the joint between both halves, rad or m.
         least_count : int
-            Smallest number of elements of an arc (between two switching points).
+            Smallest number of elements of an arc, that is, between two consecutive switching
+            points.
 
         Returns
         -------
         first, second : SegmentGuess
-            Both halves.
+            Guesses of both halves, each with its own elements (time intervals).
         """
         motion = self.motion
         duration = motion.duration
         positions = motion.positions(motion.breaks)[:, joint]
+        # Instant at which the joint passes the position in this guess. np.interp needs increasing
+        # positions, so a motion backwards is mirrored.
         direction = np.sign(positions[-1] - positions[0])
         passing_time = float(np.interp(direction * position, direction * positions, motion.breaks))
         middle = duration / 2
@@ -106,34 +117,39 @@ class SegmentGuess:
         joint_span: tuple[float, float],
         least_count: int,
     ) -> "SegmentGuess":
-        """Return the guess during an interval, with the motion of one joint from another interval.
+        """Extract a part of the guess, in which one joint moves faster or more slowly than before.
 
         Parameters
         ----------
         span : (float, float)
-            Start and end of the interval in the time of the guess, s.
+            Start and end of the part in the time of the guess, s.
         joint : int
-            Index of the joint whose motion is taken from another interval.
+            Index of the joint that moves faster or more slowly.
         joint_span : (float, float)
-            Start and end of the interval from which this joint's motion is taken, s. The motion is
-            stretched or compressed in time to the duration of `span`.
+            Start and end of the time in which this joint makes the same motion in the guess, s. The
+            motion is stretched or compressed in time to the duration of `span`.
         least_count : int
-            Smallest number of elements of an arc (between two switching points).
+            Smallest number of elements of an arc, that is, between two consecutive switching
+            points.
 
         Returns
         -------
         SegmentGuess
-            The guess during `span`.
+            The part as a guess of its own, with new elements (time intervals).
         """
         (start, end), motion = span, self.motion
         gap = MIN_ARC_SHARE * motion.duration
         switches = motion.breaks[np.cumsum(self.arcs)]
         inner_switches = switches[(switches > start + gap) & (switches < end - gap)]
+        # Switching points close to an end of the part get no elements of their own. The number of
+        # elements per second remains about the same.
         density = sum(self.arcs) / motion.duration
         arcs, t = divide_arcs([start, *inner_switches.tolist(), end], density, least_count)
         rate = (joint_span[1] - joint_span[0]) / (end - start)
         result = self.sampled(motion, t, arcs)
         stretched = self.sampled(motion, joint_span[0] + rate * (t - start), arcs).elements
+        # A derivative of order k with respect to time is multiplied by rate^k. The assignment writes
+        # to the arrays in `result`.
         for name, order in (("u", 0), ("v", 1), ("a0", 2), ("a1", 2)):
             values = getattr(stretched, name)[:, joint]
             getattr(result.elements, name)[:, joint] = rate**order * values
@@ -143,16 +159,16 @@ class SegmentGuess:
 def divide_arcs(
     switches: Sequence[float], density: float, least_count: int
 ) -> tuple[tuple[int, ...], Array]:
-    """Divide the arcs between switching instants into elements of equal length.
+    """Divide each arc, the time between two switching instants, into elements of equal length.
 
-    The elements end at the switching instants, because a cubic polynomial cannot represent a jump
-    of the acceleration within an element.
+    Elements (time intervals) end at the switching instants, because a cubic polynomial cannot
+    represent a jump of the acceleration within an element.
 
     Parameters
     ----------
     switches : sequence of k floats
-        Start, switching instants and end, s. The acceleration of a joint (with a jerk limit: its
-        jerk) jumps at each switching instant.
+        Start of the motion, switching instants, and end of the motion, s. At a switching instant,
+        the acceleration of a joint (with a jerk limit: its jerk) jumps.
     density : float
         Approximate number of elements per second.
     least_count : int
@@ -163,7 +179,7 @@ def divide_arcs(
     arcs : tuple of k − 1 integers
         Number of elements of each arc.
     ends : (n + 1,) array
-        Ends of the elements, s.
+        Start of the first element, and ends of all elements, s.
     """
     arcs = tuple(
         max(least_count, round(density * (end - start))) for start, end in pairwise(switches)
@@ -183,22 +199,24 @@ def sample_curves(
     density: float,
     least_count: int,
 ) -> SegmentGuess:
-    """Sample the guess of a segment from motions of the joints in closed form.
+    """Build the guess of a segment from motions of the single joints in closed form.
 
-    The segment lies between the first and the last switching instant.
+    A segment is a part of the motion in which no joint reverses. It lies between the first and the
+    last of `switches`.
 
     Parameters
     ----------
-    start : (m,) array
+    start : (4,) array
         Joint positions at time 0, rad and m.
     curves : sequence of SCurve or None
-        Motion of every joint from time 0. None for a joint at rest.
+        Motion of each joint from time 0. None for a joint at rest.
     switches : sequence of float
-        Switching instants, s.
+        Start of the segment, switching instants, and end of the segment, s. At a switching instant,
+        the acceleration or the jerk of a joint jumps.
     density : float
-        Approximate number of elements per second.
+        Approximate number of elements (time intervals) per second.
     least_count : int
-        Smallest number of elements of an arc between two switching instants.
+        Smallest number of elements between two switching instants.
 
     Returns
     -------
@@ -214,6 +232,8 @@ def sample_curves(
         if curve is not None:
             displacement, qd[:, i], _ = curve.evaluate(t[:-1])
             q[:, i] += displacement
+            # q̈ is linear in an element. Its values at both ends follow from the middle, because it
+            # may jump at the ends.
             qdd = curve.evaluate(middle)[2]
             half_jump = 0.5 * lengths * curve.jerk_at(middle)
             qdd_start[:, i], qdd_end[:, i] = qdd - half_jump, qdd + half_jump
@@ -225,7 +245,8 @@ class SegmentChain:
     """The k consecutive segments of a free motion, with their initial guesses.
 
     No joint reverses within a segment. Consecutive segments meet at a border, which is a given
-    point, a reversal of a joint, or a passage of the port (incision) of an eye.
+    point, a reversal of a joint, or a passage of the port (incision) of an eye. The start and the
+    end of the motion count as borders too.
     """
 
     points: Array
@@ -233,27 +254,30 @@ class SegmentChain:
     fixed: Mask
     """True for positions that are given, (k + 1, 4).
 
-    False for positions that are only guesses, at a free border. The solver determines them.
+    A border at which some positions are only guesses is called free. The solver determines these
+    positions.
     """
     directions: Array
     """Direction +1, −1 or 0 of every joint in every segment, (k, 4)."""
     guesses: tuple[SegmentGuess, ...]
     """Guess of each segment."""
     ports: tuple[int, ...] = ()
-    """Indices of borders at which the tip passes the port of an eye. Only joint 4 is fixed there.
+    """Indices of the borders at which the tip passes the port of an eye.
+
+    At such a border, the positions of joint 4 and of joints at rest are given.
     """
 
     @classmethod
     def joined(cls, chains: "Sequence[SegmentChain]", free: Collection[int]) -> "SegmentChain":
-        """Join several chains into one. Each begins at the point at which the previous one ends.
+        """Join several chains of segments into one chain.
 
         Parameters
         ----------
         chains : sequence of SegmentChain
-            Chains in the order of time.
+            Chains in the order of time. Each begins at the point at which the previous one ends.
         free : collection of int
-            Indices of chains that begin at a free border. The positions of joints that move before
-            and after such a border are only guesses.
+            Indices of chains that begin at a free border. The positions of joints that move both
+            before and after such a border are only guesses.
 
         Returns
         -------
@@ -264,7 +288,7 @@ class SegmentChain:
         fixed = [first.fixed.copy()]
         for k, (before, after) in enumerate(pairwise(chains), start=1):
             if k in free:
-                # A joint that rests on one side of a border stays where it is.
+                # A joint that rests on one side of the border has a known position there.
                 fixed[-1][-1] = (before.directions[-1] == 0) | (after.directions[0] == 0)
             fixed.append(after.fixed[1:].copy())
         return cls(
@@ -279,11 +303,15 @@ class SegmentChain:
     ) -> NlpStructure:
         """Return the structure of the nonlinear program that optimises these segments.
 
+        The program has one unknown duration for each block, a group of consecutive elements (time
+        intervals). A block is a whole segment, or at most one arc. An arc lies between two
+        switching points, that is, instants at which the acceleration of a joint (with a jerk limit:
+        its jerk) jumps in the guess.
+
         Parameters
         ----------
         one_block_per_segment : bool
-            True if the duration of a segment is one unknown. Otherwise each arc (between two jumps
-            of a joint's acceleration in the guess) is a block, whose duration is an unknown.
+            True if each block is a segment. False if each block is an arc, or a part of a long arc.
         has_continuous_acceleration : bool
             True if accelerations are continuous, because jerk is limited.
 
@@ -308,25 +336,27 @@ class SegmentChain:
     def divided_at_port(
         self, port: float, is_outside: Callable[[Array], bool], least_count: int
     ) -> "SegmentChain":
-        """Divide every segment in which the tip passes the port of an eye.
+        """Divide every segment in which the tip passes the port of an eye into two segments.
 
-        The depth of the tip depends on joint 4 alone. The distance to the retina is only limited on
-        the inner side of the new border.
+        The port is the incision through which the tool enters. The tip passes it at a known depth,
+        which depends on joint 4 alone. The distance to the retina is only limited on the inner side
+        of the new border.
 
         Parameters
         ----------
         port : float
-            Depth of the port, m.
+            Depth of the port, m. At smaller depths, the distance to the retina is not limited.
         is_outside : callable
-            Returns True if the tip, at joint positions (4,), is closer to the retina than allowed.
-            Only the port permits such a position.
+            Takes joint positions (4,). Returns True if the tip is outside of the eye, or closer to
+            the retina than allowed. Only the port permits such a position.
         least_count : int
-            Smallest number of elements of an arc (between two switching points).
+            Smallest number of elements (time intervals) between two switching points of the guess.
 
         Returns
         -------
         SegmentChain
-            The chain with one more segment for each passage. `ports` contains the new borders.
+            The chain with one more segment for each passage. Its field `ports` contains the indices
+            of the new borders.
         """
         points, fixed, ports = [self.points[0]], [self.fixed[0]], []
         directions: list[Array] = []
@@ -336,10 +366,12 @@ class SegmentChain:
             if len(side_directions) == 1:
                 guesses.append(guess)
             else:
-                # Joint 4 has the sign of the deeper end at the port.
+                # The depth is |q4|. At the port, q4 has the same sign as at the deeper end.
                 deepest = self.points[k : k + 2, 3][np.abs(self.points[k : k + 2, 3]).argmax()]
                 depth = float(np.copysign(port, deepest))
                 guesses += guess.divided_at_position(3, depth, least_count)
+                # The new border is the start of the second half. Given there are the position of
+                # joint 4, and those of joints that rest on one side.
                 border = guesses[-1].elements.u[0].copy()
                 border[3] = depth
                 ports.append(len(points))
@@ -355,10 +387,11 @@ class SegmentChain:
     def _directions_around_port(
         self, k: int, port: float, is_outside: Callable[[Array], bool]
     ) -> Array:
-        """Return the directions of the joints before and after joint 4 passes the port.
+        """Return the directions of the joints before and after the tip passes the port of an eye.
 
-        If the segment begins or ends at the edge of the port, joint 4 rests there until the other
-        joints allow it to move on. In the guess it rests during half of the segment.
+        Joint 4 determines the depth of the tip. If the segment begins or ends exactly at the depth
+        of the port, but at an orientation that only the port permits, joint 4 rests there until the
+        other joints have moved. In the guess, it rests during half of the segment.
 
         Parameters
         ----------
@@ -367,14 +400,17 @@ class SegmentChain:
         port : float
             Depth of the port, m.
         is_outside : callable
-            Returns True if the tip, at joint positions (4,), is closer to the retina than allowed.
-            Only the port permits such a position.
+            Takes joint positions (4,). Returns True if the tip is outside of the eye, or closer to
+            the retina than allowed. Only the port permits such a position.
 
         Returns
         -------
         (1, 4) or (2, 4) array
-            Directions +1, −1 or 0. One row if joint 4 neither passes the port nor rests at it.
+            Directions +1, −1 or 0 before and after the passage. One row if the segment need not be
+            divided, because the tip neither passes the port nor waits at it.
         """
+        # Depths beyond the port at both ends of the segment. `shallow_end` is the index of the
+        # smaller one.
         ends, directions = self.points[k : k + 2], self.directions[k : k + 1]
         depth_inside = np.abs(ends[:, 3]) - port
         shallow_end = int(depth_inside.argmin())
@@ -382,25 +418,28 @@ class SegmentChain:
         waits_or_passes = (
             is_outside(ends[shallow_end]) if at_edge else bool(depth_inside[shallow_end] < 0)
         )
+        # Nothing is divided if the tip stays outside the eye or in its port, or stays inside.
         if depth_inside.max() <= ROUNDING_TOLERANCE or not waits_or_passes:
             return directions
+        # Row 0 is the half before the border, and row 1 the half after it.
         side_directions = np.tile(directions, (2, 1))
         side_directions[shallow_end, 3] *= not at_edge
         return side_directions
 
     def is_within_port(self, port: float) -> Mask:
-        """Determine the segments in which the tip certainly stays outside the eye or in its port.
+        """Find the segments in which the tip certainly stays outside the eye or in its port.
 
-        The depth is only known at borders with fixed positions, but it only grows or only shrinks
-        within a segment (between two borders). If it grows from one border to the next, the depth
-        at the second border is an upper bound of the depth at the first. Two passes, forwards and
-        backwards, carry the upper bounds to all borders. The program does not limit the distance to
-        the retina in these segments.
+        The nonlinear program does not limit the distance to the retina in these segments. The depth
+        of the tip is |q4|. At a border whose positions the solver determines, only an upper bound
+        of it may be known. Within a segment (between two borders) the depth only grows or only
+        shrinks. If it grows from one border to the next, an upper bound at the second border is
+        also one at the first. A pass over all segments forwards, and another one backwards, carry
+        the bounds to all borders.
 
         Parameters
         ----------
         port : float
-            Depth of the port, m.
+            Depth of the port (the incision through which the tool enters), m.
 
         Returns
         -------
