@@ -148,8 +148,8 @@ class SegmentGuess:
         rate = (joint_span[1] - joint_span[0]) / (end - start)
         result = self.sampled(motion, t, arcs)
         stretched = self.sampled(motion, joint_span[0] + rate * (t - start), arcs).elements
-        # A derivative of order k with respect to time is multiplied by rate^k. The assignment writes
-        # to the arrays in `result`.
+        # A time derivative of order k is multiplied by rate^k. The assignment writes to the arrays
+        # in `result`.
         for name, order in (("u", 0), ("v", 1), ("a0", 2), ("a1", 2)):
             values = getattr(stretched, name)[:, joint]
             getattr(result.elements, name)[:, joint] = rate**order * values
