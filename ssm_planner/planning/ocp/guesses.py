@@ -142,8 +142,8 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
         for t in times
     ]
     borders = [0.0]
-    # Each reversal near the start changes the sign, so an odd number of them means that the joint at
-    # first moves against its peak velocity.
+    # Each reversal near the start changes the sign. If their number is odd, the joint first moves
+    # against its peak velocity.
     directions = [
         [
             profile.sign * (-1.0) ** len(profile.reversal_times[0]) if profile.is_moving else 0.0

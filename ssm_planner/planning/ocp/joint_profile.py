@@ -4,8 +4,8 @@ The velocities of the joint at both points are given. There are three cases:
 
 - A joint that moves from rest to rest makes its fastest motion, stretched in time to the duration
   of the slowest joint.
-- A joint whose jerk is limited and whose velocity or acceleration at the start forces it to reverse
-  first makes its quickest stop. It then moves from rest to rest.
+- A joint with limited jerk that must reverse because of its velocity and acceleration at the start
+  begins with its quickest stop. It then moves from rest to rest.
 - Any other joint changes its velocity to a peak velocity, cruises (moves at this constant
   velocity), and changes to its final velocity. Each change of velocity takes place at constant
   acceleration and is called a ramp. If the peak velocity and the velocity at an end have opposite
@@ -94,13 +94,14 @@ class JointProfile:
         if math.isinf(jerk) or not first_direction or end:
             return profile
         stop = quickest_stop(start, initial_acceleration, acceleration, jerk)
-        # The last piece of the stop brakes against the velocity, so the velocity in this piece has the
-        # opposite sign of the acceleration.
+        # The last piece of the stop brakes, so its velocity has the opposite sign of its
+        # acceleration.
         last_direction = -float(np.sign(stop.start[-1]))
         remaining = displacement - stop.distance
         is_at_target = abs(remaining) <= ROUNDING_TOLERANCE
         sign = last_direction if is_at_target else math.copysign(1.0, remaining)
-        # The joint may reverse at the end of the first piece of the stop, and at the end of the stop.
+        # The joint may reverse at the end of the first piece of the stop, and at the end of the
+        # whole stop.
         is_reversal = [last_direction != first_direction, sign != last_direction]
         if not any(is_reversal):
             return profile
