@@ -43,9 +43,9 @@ def guess_between(
 ) -> SegmentChain:
     """Build the guess of a motion between two points from motions of the single joints.
 
-    All joints take the duration of the slowest one. The velocity of a joint at a point may force it
-    to reverse between the points. The reversals of all joints, in the order of time, divide the
-    motion into segments, in which no joint reverses.
+    All joints take the duration of the slowest one. The velocity of a joint at a point (with limited
+    jerk, also its acceleration) may force it to reverse between the points. The reversals of all
+    joints, in the order of time, divide the motion into segments, in which no joint reverses.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def guess_between(
     borders, directions = _reversals_in_order(profiles, duration)
     switches = slowest.with_duration(duration).switching_times.tolist()
     # The solver shifts the reversals in time anyway, so a switching point close to a reversal gets
-    # no elements of its own. Without velocities at the points, no joint reverses.
+    # no elements of its own. A motion from rest to rest keeps all switching points.
     gap = MIN_SEGMENT_SHARE * duration if speeds.any() else 0.0
     guesses = []
     for begin, end in pairwise(borders):
