@@ -43,9 +43,10 @@ def guess_between(
 ) -> SegmentChain:
     """Build the guess of a motion between two points from motions of the single joints.
 
-    All joints take the duration of the slowest one. The velocity of a joint at a point (with limited
-    jerk, also its acceleration) may force it to reverse between the points. The reversals of all
-    joints, in the order of time, divide the motion into segments, in which no joint reverses.
+    All joints take the duration of the slowest one. The velocity of a joint at a point may force it
+    to reverse between the points. If jerk is limited, so may its acceleration at the first point.
+    The reversals of all joints, in the order of time, divide the motion into segments, in which no
+    joint reverses.
 
     Parameters
     ----------
