@@ -86,11 +86,13 @@ def solve_free(
     problem = phase.problem
     borders = borders or Borders(phase.points)
     displacements = np.diff(borders.points, axis=0)
+    # A joint rests between two points whose positions differ only by rounding.
     displacements[np.abs(displacements) <= ROUNDING_TOLERANCE] = 0.0
     limits = joint_limits(strict or problem.robot, cooling)
     if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
     if limits_jerk(problem.robot):
+        # The nonlinear program limits the jerk of all joints if it limits that of one.
         limits["jerk"] = jerk_limits_of_all_joints(
             limits, displacements, (phase.qd_start, phase.qd_end)
         )
@@ -329,8 +331,8 @@ class _FreeProblemBuilder:
         structure = chain.structure(
             one_block_per_segment=one_block_per_segment, has_continuous_acceleration=self.jerk
         )
+        # Lengths of all elements of the guess in s, (n,). Their sum is the unit of time.
         lengths = np.concatenate([guess.elements.h[:, 0] for guess in chain.guesses])
-        # `lengths` are the lengths of all elements of the guess in s, (n,).
         return FreeProblem(
             structure=structure,
             lengths=lengths / lengths.sum(),

@@ -287,6 +287,8 @@ class FreeProblem(OcpProblem):
         position, the units of the unknowns, and the limits of joints, tool and task coordinates.
         """
         problem = self.phase.problem
+        # Smallest and largest angle of each coordinate, (2, 2). The element functions take the
+        # centre and half the width of each range.
         ranges = np.array(
             [
                 problem.ranges.get(name, (-UNLIMITED, UNLIMITED))

@@ -55,8 +55,8 @@ class Mesh:
         knots : (k + 1,) array
             Values of s at the ends of the path and at the reversals of its joints.
         count : int
-            Number of elements. The mesh has more if its arcs need more for their smallest number
-            `MIN_ELEMENTS_PER_ARC`.
+            Number of elements. The mesh has more elements if `count` is too small for
+            `MIN_ELEMENTS_PER_ARC` elements in every arc.
         jerk : (g + 1,) array or None
             Largest s⃛ at the grid points of `guess`, 1/s³. None without a jerk limit.
 
@@ -92,6 +92,7 @@ class Mesh:
         if jerk is not None:
             borders, reversals = _with_ramps(borders, reversals, guess, jerk)
         instants = _element_ends(borders, count)
+        # The middle of an element shows in which interval between two reversals the element lies.
         middles = (instants[1:] + instants[:-1]) / 2
         interval = np.clip(np.searchsorted(reversals, middles) - 1, 0, len(reversals) - 2)
         return cls(instants, interval)

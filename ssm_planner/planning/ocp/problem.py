@@ -217,9 +217,9 @@ class OcpProblem(ABC):
     def has_free_borders(self) -> bool:
         """True if the solver determines the joint positions at some borders between segments.
 
-        A segment is a part of the motion in which no joint reverses. Its borders may be given
-        points, reversals of joints, or passages of the port (incision) of an eye. The solver
-        determines positions at the latter two.
+        A segment is a part of the motion in which no joint reverses. Some of its borders are given
+        points. At the other borders, which are reversals of joints and passages of the port
+        (incision) of an eye, the solver determines positions.
         """
         return bool(np.isnan(self.boundary.points).any())
 

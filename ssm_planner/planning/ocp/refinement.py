@@ -332,7 +332,7 @@ def _next_state(
     A path constraint is a function of the motion that must not exceed 1, and it is active if it is
     part of the program. The function takes the first of these steps that applies.
 
-    1. Violated constraints that are not active become active. If the violation exceeds
+    1. Violated constraints that are not active become active. If the largest violation exceeds
        `DIVERGENCE_THRESHOLD`, the next solve starts at the guess again.
     2. Elements (time intervals) whose violations exceed `DIVISION_THRESHOLD` are divided, if
        `may_divide` is true.

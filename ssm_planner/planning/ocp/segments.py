@@ -126,8 +126,8 @@ class SegmentGuess:
         joint : int
             Index of the joint that moves faster or more slowly.
         joint_span : (float, float)
-            Start and end of the time in which this joint makes the same motion in the guess, s. The
-            motion is stretched or compressed in time to the duration of `span`.
+            Start and end of the interval of the guess from which the motion of this joint is taken,
+            s. The motion is stretched or compressed in time to the duration of `span`.
         least_count : int
             Smallest number of elements of an arc, that is, between two consecutive switching
             points.
@@ -139,10 +139,10 @@ class SegmentGuess:
         """
         (start, end), motion = span, self.motion
         gap = MIN_ARC_SHARE * motion.duration
+        # Switching points close to an end of the part get no elements of their own.
         switches = motion.breaks[np.cumsum(self.arcs)]
         inner_switches = switches[(switches > start + gap) & (switches < end - gap)]
-        # Switching points close to an end of the part get no elements of their own. The number of
-        # elements per second remains about the same.
+        # The number of elements per second remains about the same.
         density = sum(self.arcs) / motion.duration
         arcs, t = divide_arcs([start, *inner_switches.tolist(), end], density, least_count)
         rate = (joint_span[1] - joint_span[0]) / (end - start)

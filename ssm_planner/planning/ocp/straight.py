@@ -133,9 +133,10 @@ def solve_straight(
     )
     # Unit of time: the duration of the guess, or a lower bound if that is longer.
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
+    # Largest ṡ in scaled time that the limited rates of task coordinates allow in each segment.
     speed_limit = path_speed_limits(path, limits.rates) * scale
     # Each interval between two reversals is a segment (no joint reverses in it) and a block (its
-    # elements share one unknown duration).
+    # elements share one unknown duration). The only coordinate, s, moves in every segment.
     sizes = tuple(np.bincount(mesh.interval).tolist())
     structure = NlpStructure(
         moves=((True,),) * len(sizes),
@@ -258,7 +259,11 @@ class _StraightProblem(OcpProblem):
 
     @property
     def boundary(self) -> BoundaryConditions:
-        """Values of s at the reversals of joints, and ṡ at both ends, in scaled time."""
+        """Values of s at the start, the reversals of joints and the end, and ṡ at both ends.
+
+        All values of s are given, because the path determines where the joints reverse. s increases
+        in every segment. ṡ is the derivative with respect to scaled time.
+        """
         knots, signs = self.path.directions
         return BoundaryConditions(
             knots[:, None], np.ones((len(signs), 1)), self.end_speeds[:1], self.end_speeds[1:]

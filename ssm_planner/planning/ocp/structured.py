@@ -223,6 +223,8 @@ def build_program(structure: NlpStructure, element: ElementModel, data: NlpData)
     )
     free, _, equal = _boundary_values(structure, spline, data)
     matrix, bound = _linear_rows(structure, data)
+    # One group contains the path constraints and the cost of all elements, the other one the
+    # breakaway constraints. A group that would be empty is left out.
     all_elements = np.arange(n)
     groups = []
     if element.row_names or element.aim != "time":
@@ -439,6 +441,8 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     offset = 0 if is_bounded.any() else m
     columns = np.r_[offset : 4 * m, 4 * m + 1 : 5 * m + 1]
     identity = np.eye(5 * m + 1)[columns]
+    # Fixed values need no bounds. Without velocity limits, u̇ has only the lower bound v_min = 0,
+    # because the path parameter never decreases.
     is_bounded = np.hstack([is_bounded, ~data.is_fixed[:, m:]])
     v_bounds = data.velocity if structure.velocity_limits else (v_min, np.full((n, m), np.inf))
     lower = np.hstack([np.where(is_bounded, data.lower, -np.inf)[:, offset:], v_bounds[0]])
