@@ -113,12 +113,18 @@ class NlpStructure:
 
     @cached_property
     def segment(self) -> Indices:
-        """Index of the segment that contains each element, (n,)."""
+        """For each element (time interval), the index of its segment, (n,).
+
+        A segment is a part of the motion in which no coordinate reverses.
+        """
         return np.repeat(np.arange(len(self.segment_sizes)), self.segment_sizes)
 
     @cached_property
     def block(self) -> Indices:
-        """Index of the block that contains each element, (n,)."""
+        """For each element (time interval), the index of its block, (n,).
+
+        A block is a group of elements that share one unknown duration.
+        """
         return np.repeat(np.arange(len(self.block_sizes)), self.block_sizes)
 
     def times(self, lengths: Array) -> Array:

@@ -193,7 +193,8 @@ def retimed_polynomials(
         interval, power and joint.
     """
     # TOPP-RA makes ṡ² linear in s on each grid interval, so s̈ is constant there. It is thus the
-    # same at the start and at the end of an element.
+    # same at the start and at the end of an element. The columns of `elements` are s, ṡ, s̈ at the
+    # start, s̈ at the end, and length.
     accelerations = [retiming.acceleration, retiming.acceleration]
     states = [retiming.s[:-1], np.sqrt(retiming.speed_squared[:-1])]
     elements = np.column_stack([*states, *accelerations, np.diff(retiming.times)])
