@@ -421,8 +421,8 @@ class SegmentChain:
         # Nothing is divided if the tip stays outside the eye or in its port, or stays inside.
         if depth_inside.max() <= ROUNDING_TOLERANCE or not waits_or_passes:
             return directions
-        # Row 0 is the half before the border, row 1 the half after it. If joint 4 waits at the port,
-        # its direction is 0 in the half beside the shallow end.
+        # Row 0 is the half before the border, row 1 the half after it. A joint 4 that waits at the
+        # port has the direction 0 in the half beside the shallow end.
         side_directions = np.tile(directions, (2, 1))
         side_directions[shallow_end, 3] *= not at_edge
         return side_directions
