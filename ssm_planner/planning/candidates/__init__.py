@@ -1,5 +1,5 @@
-"""Ways to move a phase, one file for each kind of candidate.
+"""Ways to move a phase (one entry of the motion list), called candidates.
 
-`candidate` contains the base class. `listed` lists the kinds in the order in which the search asks
-them for suggestions.
+There is one file for each kind of candidate. `candidate` contains the base class. `listed` lists
+the kinds in the order in which the search asks them for suggestions.
 """

@@ -1,17 +1,17 @@
-"""Base class of all candidates, and the record of how far a candidate was computed.
+"""The base class of all candidates, and `Evaluation`, which records the results of a candidate.
 
 A phase is one entry of the motion list of a problem. A candidate is one way to move a phase, or the
 whole problem, for example directly or in two parts. To add one for phases, derive a class from
 `PhaseCandidate` in a new file and add it to `listed.CANDIDATE_KINDS`. The class says
 
 - when the candidate is worth trying (`suggested`),
-- which duration it cannot beat (`bound`),
-- how long it takes approximately (`estimate`, optional),
+- which duration its motion cannot beat (`bound`),
+- how long its motion takes approximately (`estimate`, optional),
 - and which motion it gives (`solution`).
 
-The search (`search.find_fastest`) uses these members in this order, and stops as soon as another
-candidate is known to be faster. A class whose motion only replaces a direct motion that was not
-found derives from `FallbackCandidate` instead.
+The search (`search.find_fastest`) uses these members in this order. It stops the work on a
+candidate as soon as another one is known to be faster. If a kind serves only where the direct
+motion was not found, derive its class from `FallbackCandidate` instead.
 """
 
 from abc import ABC, abstractmethod
@@ -26,7 +26,7 @@ from ssm_planner.typing import record
 
 
 class Timed(Protocol):
-    """A result whose durations the search compares: a phase or a whole mission with its motion."""
+    """A motion whose duration the search compares: that of a phase or of a whole problem."""
 
     @property
     def duration(self) -> float:
@@ -36,21 +36,22 @@ class Timed(Protocol):
 CandidateEntry = dict[str, str | float | None]
 """Entry of `candidates` in plan.json."""
 P = TypeVar("P")
-"""Class of the planner: the task of the search with its solvers."""
+"""Class that holds what is to be planned, with the solvers for it."""
 R = TypeVar("R", bound=Timed)
 """Class of the motions that the search compares."""
 
 
 @record
 class Candidate(ABC, Generic[P, R]):
-    """One way to move, with a lower bound, an optional estimate, and a solution.
+    """One way to move, with a lower bound of its duration, an optional estimate, and a solution.
 
-    P is the class of its planner: `PhasePlanner` for a phase, `JointsPlanner` for a whole problem.
-    R is the class of its motions: `PlannedPhase` or `MissionMotion`.
+    P is the class of its planner, which is `PhasePlanner` for a phase (an entry of the motion list)
+    and `JointsPlanner` for a whole problem. R is the class of its motions, which is `PlannedPhase`
+    or `MissionMotion`.
     """
 
     planner: P
-    """The task and its solvers."""
+    """The phase or problem to be planned, with its solvers."""
 
     kind: ClassVar[str]
     """Name of the kind of candidate in reports and in plan.json."""
@@ -60,18 +61,23 @@ class Candidate(ABC, Generic[P, R]):
     def suggested(
         cls, planner: P, latest: "Evaluation[P, R] | None"
     ) -> "Iterator[Candidate[P, R]]":
-        """Yield the candidates that the latest evaluation suggests.
+        """Yield the candidates of this kind that are worth trying after the latest result.
 
-        The search calls this method once at the beginning, and again after each estimate and each
-        solution of any kind. The method must therefore yield the same candidate only once.
+        The search calls this method once at the beginning, and again whenever it has estimated or
+        solved a candidate of any kind. The method must yield each candidate only once.
 
         Parameters
         ----------
         planner : P
-            The task and its solvers.
+            The phase or problem to be planned, with its solvers.
         latest : Evaluation or None
             The candidate that the search has just estimated or solved, with its result. None at the
             beginning.
+
+        Yields
+        ------
+        Candidate
+            A candidate that the search shall consider from now on.
         """
 
     @property
@@ -80,18 +86,22 @@ class Candidate(ABC, Generic[P, R]):
         """Duration that no motion of this candidate can beat, s."""
 
     def estimate(self, cutoff: float) -> R | Reason | None:
-        """Return an approximate motion, or None if the solution would be as cheap.
+        """Return an approximate motion, or None if this kind of candidate has no estimate.
+
+        A kind needs no estimate if computing the solution at once takes no more work.
 
         Parameters
         ----------
         cutoff : float
-            Duration in s from which on a motion is of no use. The solver may give up on it.
+            Duration in s. A motion that takes at least as long is of no use, so the solver may give
+            up on it.
 
         Returns
         -------
         R, Reason or None
             The approximate motion, whose duration decides whether the candidate is solved. A
-            reason ends the candidate. None: the search goes on to the solution.
+            reason states why the candidate gives no motion. None: the search computes the solution
+            at once.
         """
         return None
 
@@ -102,18 +112,25 @@ class Candidate(ABC, Generic[P, R]):
         Parameters
         ----------
         cutoff : float
-            Duration in s from which on a motion is of no use.
+            Duration in s. A motion that takes at least as long is of no use, so the solver may give
+            up on it.
         estimate : R or None
             The motion that the method `estimate` returned.
+
+        Returns
+        -------
+        R or Reason
+            The motion, or the reason why there is none.
         """
 
 
 @dataclass(eq=False)
 class Evaluation(Generic[P, R]):
-    """A candidate (way to move) during the search, with its bound, estimate, result and work.
+    """The state of a candidate (one way to move) in the search: its results and work so far.
 
-    The search computes a candidate in steps, from its lower bound to an estimate (an approximate
-    motion), and from there to its solution. It stops as soon as another candidate is faster.
+    The search computes a candidate in steps. It begins with a lower bound of the duration, goes on
+    to an estimate (an approximate motion), and ends with the solution. It skips the remaining steps
+    if another candidate is faster.
     """
 
     candidate: Candidate[P, R]
@@ -122,16 +139,20 @@ class Evaluation(Generic[P, R]):
     estimate: R | None = None
     """Approximate motion, if the candidate estimates it."""
     result: R | Reason | None = None
-    """Solution, or the reason why there is none. None while the candidate is not solved.
+    """The solution, or the reason why there is none. None as long as the candidate is not solved.
 
-    It remains None if another motion is faster than the bound or the estimate of this candidate.
+    It remains None if another motion is shorter than the bound or the estimate of this candidate.
     """
     effort: float = 0.0
     """Work spent on the candidate (`Work`), approximately in seconds."""
 
     @property
     def known_duration(self) -> float:
-        """Duration by which the search orders candidates, s: the estimate, or else the bound."""
+        """Duration by which the search orders candidates, s.
+
+        It is the duration of the estimate, or the lower bound if that is larger or if there is no
+        estimate yet.
+        """
         return self.bound if self.estimate is None else max(self.estimate.duration, self.bound)
 
     @property
@@ -143,14 +164,15 @@ class Evaluation(Generic[P, R]):
         return self.result if isinstance(self.result, Reason) else None
 
     def advance(self, cutoff: float) -> None:
-        """Compute the estimate if there is none yet, or else the solution.
+        """Compute the next step of the candidate, and store it in `estimate` or `result`.
 
-        If the candidate has no estimate, the solution follows at once.
+        The first call computes the estimate, and the second one the solution. If this kind of
+        candidate has no estimate, the first call computes the solution.
 
         Parameters
         ----------
         cutoff : float
-            Duration in s from which on a motion is of no use.
+            Duration in s. A motion that takes at least as long is of no use.
         """
         estimate = None if self.estimate is not None else self.candidate.estimate(cutoff)
         if estimate is None:
@@ -166,14 +188,15 @@ class Evaluation(Generic[P, R]):
         Parameters
         ----------
         solution : R or Reason
-            The result of the whole search.
+            The result of the whole search, over all candidates.
 
         Returns
         -------
         dict
-            Kind, lower bound, estimate and duration (s) of the candidate, the outcome in words
-            ("taken", "slower", "slower by its bound", "slower by its estimate", or the message of a
-            reason), and the work spent on it.
+            The key `outcome` has the value "taken", "slower", "slower by its bound" or "slower by
+            its estimate", or the message of the reason why the candidate gives no motion. The
+            other keys are `kind`, `bound`, `estimate` and `duration` (all three in s), and
+            `effort`, the work spent. `estimate` and `duration` are None if they were not computed.
         """
         duration = None
         if self.result is None:
@@ -195,9 +218,9 @@ class Evaluation(Generic[P, R]):
 
 
 class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
-    """One way to move a phase (entry of the motion list). Its motions are `PlannedPhase` values.
+    """One way to move a phase, that is, an entry of the motion list of a problem.
 
-    Derive from this class to add a kind, and define `kind`, `suggested` and `solution`.
+    To add a kind, derive from this class, and define `kind`, `suggested` and `solution`.
     """
 
     @property
@@ -207,12 +230,14 @@ class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
 
 
 PhaseEvaluation = Evaluation[PhasePlanner, PlannedPhase]
+"""State of a candidate for the motion of a phase in the search."""
 
 
 class FallbackCandidate(PhaseCandidate):
-    """A candidate that replaces the direct motion if that was not found.
+    """A way to move a phase that serves if the direct motion was not found.
 
-    Derive from this class to add such a kind, and define `kind`, `suggested_after_failure` and
+    The direct motion follows the given path, or is free with no more reversals than necessary. To
+    add a kind of this class, derive from it, and define `kind`, `suggested_after_failure` and
     `solution`.
     """
 
@@ -220,7 +245,21 @@ class FallbackCandidate(PhaseCandidate):
     def suggested(
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidates of `suggested_after_failure` after the direct motion has failed."""
+        """Yield the candidates of `suggested_after_failure` when the direct motion has failed.
+
+        Parameters
+        ----------
+        planner : PhasePlanner
+            The phase (an entry of the motion list with its joint positions) and its solvers.
+        latest : Evaluation or None
+            The candidate that the search has just estimated or solved, with its result. None at the
+            beginning.
+
+        Yields
+        ------
+        PhaseCandidate
+            Candidates, only right after the failure of the direct motion.
+        """
         if latest is not None and latest.candidate.kind == "direct" and latest.failed is not None:
             yield from cls.suggested_after_failure(planner, latest.failed)
 
@@ -236,5 +275,11 @@ class FallbackCandidate(PhaseCandidate):
         planner : PhasePlanner
             The phase (an entry of the motion list with its joint positions) and its solvers.
         reason : Reason
-            Reason why the direct motion was not found. Its limit decides whether a kind can help.
+            Reason why the direct motion was not found. The limit that it names tells whether this
+            kind of candidate can help.
+
+        Yields
+        ------
+        PhaseCandidate
+            A candidate that the search shall consider.
         """

@@ -1,4 +1,7 @@
-"""Motions around the retina or the lens: the tool is drawn back, swings, and is inserted again."""
+"""Motions past the retina or the lens of the eye.
+
+The tool is drawn back, swings to its new direction, and is inserted again.
+"""
 
 from collections.abc import Iterator
 from typing import ClassVar
@@ -15,16 +18,19 @@ from ssm_planner.problem import LensClearance, RetinaClearance
 from ssm_planner.typing import record
 
 RETRACTION_SHARES = (0.7, 0.55, 0.4, 0.85, 0.25)
-"""Depths to which the guess draws the tool back, as shares of the smaller depth of both ends.
+"""Depths to which the tool is drawn back, as shares of the smaller depth of both ends.
 
-They are tried in this order until one gives a motion. The depth is only a guess, because the solver
-determines the position.
+They are tried in this order until one gives a motion. Each depth is only the guess from which the
+solver starts. The solver determines the final depth.
 """
 
 
 @record
 class Detour(FallbackCandidate):
-    """A free motion on which the joints reverse once, so that the tool passes retina or lens."""
+    """A free motion on which joints reverse once, so that the tool passes the retina or the lens.
+
+    The planner chooses the path of a free motion.
+    """
 
     kind: ClassVar[str] = "detour"
 
@@ -54,16 +60,17 @@ class Detour(FallbackCandidate):
             yield cls(planner)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return a motion with one position at which joints may reverse.
+        """Return a motion with one position between start and end at which joints may reverse.
 
-        The guess of this position is where the direct motion comes nearest to the retina or lens,
-        with the tool drawn back. The solver moves it to where the motion becomes fastest.
+        The solver moves this position to where the motion becomes fastest. The initial guess has
+        the joint angles at which the direct motion comes nearest to the retina or lens, with the
+        tool drawn back to one of the depths in `RETRACTION_SHARES`.
 
         Parameters
         ----------
         cutoff : float
-            Duration in s from which on a motion is of no use. It is not used, because the direct
-            motion, the only faster one, has already failed.
+            Duration in s. A motion that takes at least as long is of no use. It is not used,
+            because the direct motion, the only faster one, has already failed.
         estimate : PlannedPhase or None
             None, because this kind of candidate has no estimate.
 
@@ -76,9 +83,10 @@ class Detour(FallbackCandidate):
         start, end = self.planner.phase.points
         nearest = joints_nearest_to_eye(self.planner.phase)
         for share in RETRACTION_SHARES:
+            # Joint 4 inserts the tool. Its position is 0 if the tip is at the remote centre.
             depth = share * min(start[3], end[3], key=abs)
             retracted = np.append(nearest[:3], depth)
-            # The border with index 1, the retracted position, is only a guess.
+            # (1,) is the index of the retracted position, which the solver may move.
             result = self.planner.free(Borders(np.stack([start, retracted, end]), (1,)))
             if not isinstance(result, Reason):
                 break

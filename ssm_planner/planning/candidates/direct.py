@@ -1,6 +1,8 @@
-"""The direct motion of a phase: along its given path, or freely without additional reversals.
+"""The direct motion of a phase (an entry of the motion list).
 
-It is the first candidate. All other kinds follow from its estimate or its failure.
+It follows the given path of the phase. If the phase is a free motion, whose path the planner
+chooses, its joints reverse only where they must. The search tries it first. The estimate of the
+direct motion, or its failure, then suggests candidates of other kinds.
 """
 
 from collections.abc import Iterator
@@ -23,16 +25,26 @@ class Direct(PhaseCandidate):
     def suggested(
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
-        """Yield the direct motion at the beginning of the search."""
+        """Yield the direct motion at the beginning of the search, that is, if `latest` is None."""
         if latest is None:
             yield cls(planner)
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
-        """Return the fastest free motion before Ipopt's confirmation, if reversals may be faster.
+        """Return the fastest free motion without Ipopt's confirmation, if reversals may save time.
 
-        The search then compares this estimate with that of the candidate `reversing`. Ipopt
-        confirms only the motion that is taken, and heat is reduced only in that one. Returns None
-        if no other candidate can be faster, so that the motion is solved at once.
+        The search compares this estimate with that of the candidate `reversing`. It completes only
+        the faster of both, because Ipopt's confirmation and the reduction of heat take long.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s. A motion that takes at least as long is of no use.
+
+        Returns
+        -------
+        PlannedPhase, Reason or None
+            The phase with the approximate motion, or the reason why there is none. None if no other
+            candidate can be faster, so that the motion is completed at once.
         """
         planner = self.planner
         is_fastest_wanted = planner.phase.motion.duration is None and planner.cooling is None
@@ -40,15 +52,16 @@ class Direct(PhaseCandidate):
         return planner.free(cutoff=cutoff, fastest_only=True) if has_rivals else None
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motion for the objective, confirmed by Ipopt if the planner asks for it.
+        """Return the motion that is best for the objective of the problem.
 
-        If the motion of the estimate cannot be completed, the free motion is solved anew.
+        Ipopt confirms it if the planner of the problem asks for that. If the motion of the estimate
+        cannot be completed, the free motion is solved anew.
 
         Parameters
         ----------
         cutoff : float
-            Duration in s from which on a motion is of no use. A motion along a given path ignores
-            it.
+            Duration in s. A motion that takes at least as long is of no use. A motion along a given
+            path ignores it.
         estimate : PlannedPhase or None
             The motion that the method `estimate` returned.
 

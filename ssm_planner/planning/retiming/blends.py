@@ -1,17 +1,17 @@
 """Joint paths through several motions with rounded corners, so that the robot need not stop.
 
-The path consists of pieces, one for each motion, and of roundings between them. Corner i lies
-between the pieces i and i + 1, each with its own parameter from 0 to 1. The path leaves piece i at
-the parameter 1 − a_i, where the tip is at the allowed distance from the corner, and joins piece
-i + 1 at the parameter b_i, at the same distance. On the rounding in between, every joint follows
-the polynomial of degree 5 (quintic) that has the q, q' and q'' of the pieces at both ends. The
-whole path is thus twice continuously differentiable. q''' jumps at the ends of the roundings, but
-is finite, and so is the jerk.
+The path consists of pieces, one for each motion, and of roundings between them. Each piece has its
+own parameter from 0 to 1. Corner i lies between the pieces i and i + 1. The path leaves piece i at
+the parameter 1 − a_i of that piece, where the tip is at the allowed distance from the corner. It
+joins piece i + 1 at the parameter b_i, at the same distance from the corner. On the rounding in
+between, every joint position is the polynomial of degree 5 (quintic) that has the q, q' and q'' of
+the pieces at both ends. The whole path is thus twice continuously differentiable. q''' jumps at the
+ends of the roundings but is finite, so the jerk of a motion along the path is finite too.
 
-The parameter of piece i grows at the rate k_i with respect to the parameter s of the whole path,
-and a rounding takes 2 a_i / k_i = 2 b_i / k_{i+1} of s. If both pieces are straight in the
-joints, the direction then turns without overshoot: q' = (1 − h) q'_i + h q'_{i+1} with h = 3σ² −
-2σ³, where σ grows from 0 to 1 along the rounding.
+The parameter of piece i grows at the constant rate k_i with the parameter s of the whole path. The
+rounding of corner i covers a range of s of the length 2 a_i / k_i = 2 b_i / k_{i+1}. With this
+length, the direction turns without overshoot if both pieces are straight in the joints. It is then
+q' = (1 − h) q'_i + h q'_{i+1} with h = 3σ² − 2σ³, where σ grows from 0 to 1 along the rounding.
 """
 
 from collections.abc import Sequence
@@ -37,16 +37,17 @@ from ssm_planner.typing import Array, Mask, record
 MIN_SLOPE_RATIO = 0.05
 """Smallest ratio of |q'| within a rounding to |q'| at its ends.
 
-The ratio is smaller where the path turns back by more than about 174°. The robot must stop there,
-so a rounding makes no sense.
+If two straight pieces meet at the angle θ, the smallest ratio is cos(θ/2), so the ratio 0.05
+corresponds to 174°. At a larger angle, the robot must almost stop, so a rounding is of no use.
 """
 
 
 @record
 class BlendedPath(JointPath):
-    """A path of consecutive pieces whose corners are rounded.
+    """A joint path that consists of several pieces, whose corners are rounded.
 
-    s from 0 to 1 is proportional to the parameter of the whole path (see the module's docstring).
+    The module's docstring describes the shape of the roundings and the choice of the path parameter
+    s, which is scaled here to run from 0 to 1.
     """
 
     mechanism: Mechanism
@@ -54,11 +55,12 @@ class BlendedPath(JointPath):
     pieces: tuple[ClosedPath, ...]
     """The pieces. Each begins where the previous one ends."""
     distances: tuple[float, ...]
-    """Distance of the tip from each corner within which the path is rounded, m."""
+    """For each corner, the distance of the tip from it at both ends of the rounding, m."""
     cuts: Array
-    """Shares a and b that the rounding of each corner cuts from the pieces before and behind it.
+    """Parts of the pieces that the roundings replace, (k, 2) for k corners.
 
-    The shape is (k, 2) for k corners.
+    The first column contains a, the share of the piece before the corner. The second column
+    contains b, the share of the piece behind it. Both lie between 0 and 0.5.
     """
 
     @property
@@ -68,15 +70,17 @@ class BlendedPath(JointPath):
 
     @cached_property
     def _rates_and_breaks(self) -> tuple[Array, Array]:
-        """Rates at which the parameter of each piece grows with s, and the breaks of s.
+        """Derivatives of the parameters of the pieces with respect to s, and the ends of all parts.
 
-        The rates have the shape (p,) for p pieces. The breaks (2 p,) are the values of s at which
-        the pieces and the roundings end, with 0 as the first.
+        The derivatives are the constant rates k_i of the module's docstring, (p,) for p pieces. The
+        ends (2 p,) are the values of s at which the pieces and the roundings end, in their order
+        along the path. They begin with 0, the start of the first piece.
         """
         cut_from_start = np.append(0.0, self.cuts[:, 1])
         # The rates satisfy a_i / k_i = b_i / k_{i+1} in each corner, with k_1 = 1.
         rates = np.cumprod(np.append(1.0, self.cuts[:, 1] / self.cuts[:, 0]))
-        # Even lengths are those of pieces, odd lengths those of roundings.
+        # Ranges of s of all parts, before s is scaled to end at 1. Pieces have even indices, and
+        # roundings odd ones.
         lengths = np.zeros(2 * len(rates) - 1)
         lengths[::2] = (np.append(1 - self.cuts[:, 0], 1.0) - cut_from_start) / rates
         lengths[1::2] = 2 * self.cuts[:, 0] / rates[:-1]
@@ -85,21 +89,28 @@ class BlendedPath(JointPath):
 
     @property
     def breaks(self) -> Array:
-        """Values of s at the ends of the p pieces and of the roundings, (2 p,)."""
+        """Values of s at the ends of the p pieces and the roundings, (2 p,). The first is 0."""
         return self._rates_and_breaks[1]
 
     def _on_piece(self, k: int, s: Array) -> Array:
-        """Evaluate q, q' and q'' at n values of s on one piece, (3, n, 4).
+        """Evaluate the joint positions and their derivatives at n points of one piece.
 
         Parameters
         ----------
         k : int
-            Index of the piece.
+            Index of the piece, from 0.
         s : (n,) array
-            Parameters of the whole path.
+            Values of the parameter of the whole path.
+
+        Returns
+        -------
+        (3, n, 4) array
+            q, q' and q'', with derivatives with respect to the parameter of the whole path.
         """
+        # `start` is the piece's own parameter where the rounding before it ends.
         rate, start = self._rates_and_breaks[0][k], self.cuts[k - 1, 1] if k else 0.0
         samples = self.pieces[k].sample(start + rate * (s - self.breaks[2 * k]))
+        # The factors follow from the chain rule.
         return np.stack([samples.q, rate * samples.dq, rate**2 * samples.ddq])
 
     @cached_property
@@ -108,9 +119,10 @@ class BlendedPath(JointPath):
 
         A rounding is the part of the path that replaces a corner. On it, each joint position is a
         quintic polynomial of s − s₀, where s is the path parameter and s₀ its value at the start of
-        the rounding. The shape is (corners, 6, 4): for each corner, the coefficients of the powers
-        0 to 5 of each joint.
+        the rounding. The shape is (k, 6, 4) for k corners. The second axis contains the
+        coefficients of the powers 0 to 5, and the third axis the joints.
         """
+        # Piece 0 lies between the breaks 0 and 1, the first rounding between 1 and 2, and so on.
         starts, ends = self.breaks[1:-1:2], self.breaks[2:-1:2]
         leaving = [self._on_piece(k, starts[[k]]) for k in range(len(starts))]
         joining = [self._on_piece(k + 1, ends[[k]]) for k in range(len(ends))]
@@ -133,6 +145,7 @@ class BlendedPath(JointPath):
         """
         s = np.asarray(s, dtype=float)
         values = np.zeros((3, len(s), 4))
+        # Index of the piece or rounding that contains s. Clipping assigns s = 1 to the last piece.
         part = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
         for k in np.unique(part):
             on_part = part == k
@@ -151,20 +164,22 @@ class BlendedPath(JointPath):
     def directions(self) -> tuple[Array, Array]:
         """Knots of s at which joints reverse, and the directions of the joints between them.
 
-        The knots (m + 1,) include 0 and 1. The directions (m, 4) are the signs of q' = dq/ds.
+        The knots (m + 1,) increase from 0 to 1. The directions (m, 4) are the signs of q' = dq/ds,
+        and 0 for joints without a drive, because their friction is not modelled.
         """
         return self.smooth_directions(self.pieces[0].driven)
 
     def starts(self, samples: PathSamples) -> Mask:
-        """Return a mask (n, 4) of the samples at which a joint starts to move.
+        """Return a mask (n, 4) that is true at the n samples at which a joint starts to move.
 
-        Joints start at s = 0, and within the path where they reverse or end a rest.
+        Every moving joint starts at s = 0. It starts again where it reverses, and where it moves
+        after a part of the path in which it rests.
         """
         return joint_starts(samples, *self.directions)
 
     @property
     def grid_intervals(self) -> int:
-        """Number of grid intervals for TOPP-RA."""
+        """Number of grid intervals that TOPP-RA needs, which grows with the number of pieces."""
         return int(
             np.clip(PATH_SAMPLES * (len(self.breaks) - 1), MIN_GRID_INTERVALS, MAX_GRID_INTERVALS)
         )
@@ -173,14 +188,14 @@ class BlendedPath(JointPath):
 def blend_pieces(
     mechanism: Mechanism, pieces: Sequence[ClosedPath], distances: Sequence[float]
 ) -> BlendedPath:
-    """Join pieces into one path, and round the corners between them.
+    """Join the paths of several motions into one path, and round the corners between them.
 
     Parameters
     ----------
     mechanism : Mechanism
         Geometry of the robot.
     pieces : sequence of ClosedPath
-        The pieces in their order.
+        Paths of the motions in their order. Each begins where the previous one ends.
     distances : sequence of float
         For each corner, the distance of the tip from it at which the rounding begins and ends, m.
 
@@ -192,8 +207,8 @@ def blend_pieces(
     Raises
     ------
     ProblemError
-        If a rounding would take more than half of a piece, or if the path turns back on itself. Its
-        key is the index of the corner.
+        If a rounding would take more than half of a piece, or if the path turns back on itself at a
+        corner. The `key` of the error is the index of the corner as text.
     """
     cuts = []
     for k, distance in enumerate(distances):
@@ -202,6 +217,7 @@ def blend_pieces(
         if not np.isfinite([before, after]).all():
             limit = min(reach_before, reach_after)
             reason = "the rounding of the corner would take more than half of an adjacent motion"
+            # The limit in m becomes mm, rounded down to 0.1 µm so that the printed value works.
             allowed = f"up to {np.floor(1e7 * limit) / 1e4:g} mm here"
             if limit <= ROUNDING_TOLERANCE:
                 reason = "an adjacent motion does not move the tip, so the corner cannot be rounded"
@@ -209,7 +225,8 @@ def blend_pieces(
             raise ProblemError(reason, key=str(k), allowed=allowed)
         cuts.append([before, after])
     path = BlendedPath(mechanism, tuple(pieces), tuple(distances), np.array(cuts))
-    # The joints are divided by their largest |q'|, which makes rad and m comparable.
+    # The joints are divided by their largest |q'|, which makes rad and m comparable. The small
+    # summand prevents a division by zero for joints at rest.
     largest_slope = (
         np.abs(path.sample(np.linspace(0.0, 1.0, PATH_SAMPLES)).dq).max(axis=0) + ROUNDING_TOLERANCE
     )
@@ -228,7 +245,7 @@ def blend_pieces(
 
 
 def _cut_share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[float, float]:
-    """Find the share of a piece that a rounding cuts off.
+    """Find the share of a piece that the rounding of one of its corners replaces.
 
     Parameters
     ----------
@@ -242,14 +259,17 @@ def _cut_share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[fl
     Returns
     -------
     share : float
-        Smallest share at which the tip has this distance. Infinite if the distance is larger in the
-        whole half of the piece.
+        Smallest share of the piece, counted from the corner, at which the tip is at this distance
+        from the corner. Infinite if the tip stays nearer to the corner in that half of the piece.
     reach : float
-        Largest distance of the tip from the corner within half of the piece, m.
+        Largest distance of the tip from the corner within that half of the piece, m.
     """
 
     def distance_from_corner(shares: Array) -> Array:
-        """Return the distances (n,) of the tip from the corner, m, at shares (n,) of the piece."""
+        """Return the distances (n,) of the tip from the corner in m.
+
+        `shares` (n,) are the parts of the piece that lie between the corner and the tip.
+        """
         tips = tip_position(path.mechanism, path.sample(1 - shares if from_end else shares).q)
         return np.asarray(np.linalg.norm(tips - corner, axis=1))
 
@@ -260,6 +280,6 @@ def _cut_share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[fl
     beyond = np.flatnonzero(distances >= distance)
     if not len(beyond):
         return np.inf, reach
-    # Between these two samples, the distance passes the required one.
+    # The distance grows beyond the required one between these two samples.
     low, high = shares[beyond[0] - 1], shares[beyond[0]]
     return find_sign_change(lambda s: distance_from_corner(s) - distance, low, high), reach

@@ -6,10 +6,11 @@ and of the speed ṡ ≥ 0,
     a(s) s̈ + b(s) ṡ² + c(s) + k(s) ṡ,   (1)
 
 because q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ², with primes for derivatives with respect to s. In the
-code, a term is one such function. It is an array (4, n) of its coefficients a, b, c, k at n values
-of s. Divided by a limit, it becomes a constraint (a row) (1) ≤ 1. `LinearConstraints` holds all
-rows of a path. With x = ṡ², (1) is linear in (s̈, x) except for k √x. √x is concave, so its tangent
-overestimates it. TOPP-RA uses the tangent.
+code, a *term* is one such function, stored as an array (4, n) of its coefficients a, b, c, k at n
+values of s. A *row* is the constraint that a term, divided by its limit, is at most 1.
+`LinearConstraints` holds all rows of a path. With x = ṡ², (1) is linear in (s̈, x) except for k √x.
+TOPP-RA needs linear rows, so it uses the tangent of √x. The tangent is at least √x, because √x is
+concave. A motion that satisfies the linear rows therefore satisfies the limits.
 
 Sources: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018, §II (rows linear in (s̈, ṡ²));
@@ -44,7 +45,8 @@ may be slightly below it there.
 class LinearConstraints:
     """Constraints a s̈ + b ṡ² + c + k ṡ ≤ 1 on the motion along a path, at n values of s.
 
-    Every row is divided by its limit.
+    Each constraint (row) is divided by its limit, so the right side is 1. ṡ² must also stay below
+    `ceiling`.
     """
 
     a: Array
@@ -59,15 +61,20 @@ class LinearConstraints:
     """Largest ṡ² that limits on speeds allow, (n,), 1/s²."""
 
     def tangent(self, speed_squared: Array) -> "LinearConstraints":
-        """Return constraints with k = 0 that are at least as strict.
+        """Return constraints without a term in ṡ (k = 0) that are at least as strict.
 
-        TOPP-RA needs constraints that are linear in x = ṡ². The tangent of √x at x₀ gives
-        √x ≤ √x₀/2 + x/(2 √x₀).
+        TOPP-RA needs constraints that are linear in x = ṡ². The term k √x with k ≥ 0 is therefore
+        replaced by its tangent at x₀, because √x ≤ √x₀/2 + x/(2 √x₀).
 
         Parameters
         ----------
         speed_squared : (n,) array
-            Values x₀ of ṡ² > 0 at which the constraints remain exact.
+            Values x₀ > 0 of ṡ², at which the constraints do not change, 1/s².
+
+        Returns
+        -------
+        LinearConstraints
+            The constraints with k = 0.
         """
         root = np.sqrt(speed_squared)[:, None]
         b = self.b + self.k / (2 * root)
@@ -75,27 +82,30 @@ class LinearConstraints:
         return LinearConstraints(self.a, b, c, np.zeros_like(c), self.ceiling)
 
     def active(self, grid: Array, speed_squared: Array) -> Indices:
-        """Return the index of the constraint that binds on each grid interval, (n − 1,).
+        """Find the constraint that limits a motion most on each grid interval.
 
-        The bound of ṡ² counts as the last row. The index −1 means that no constraint binds.
+        A constraint binds if it reaches the share `BINDING_SHARE` of its limit in the middle of the
+        interval.
 
         Parameters
         ----------
         grid : (n,) array
-            Values of s.
+            Values of s at which the constraints hold.
         speed_squared : (n,) array
-            ṡ² of the motion there.
+            ṡ² of the motion at these values, 1/s².
 
         Returns
         -------
         (n − 1,) int array
-            Index of the row that is closest to its limit on each interval, or −1.
+            For each interval, the index of the row that is closest to its limit, or −1 if no
+            constraint binds. The index after the last row stands for `ceiling`.
         """
 
         def middle(values: Array) -> Array:
-            """Return the mean of the values at both ends of each grid interval."""
+            """Return the means (n − 1, …) of the values (n, …) at both ends of each interval."""
             return (values[1:] + values[:-1]) / 2
 
+        # ṡ² is linear in s on an interval, and d(ṡ²)/ds = 2 s̈.
         acceleration = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None]
         x = middle(speed_squared)[:, None]
         values = middle(self.a) * acceleration + middle(self.b) * x + middle(self.c)
@@ -106,7 +116,10 @@ class LinearConstraints:
 
 @record
 class PathLimits:
-    """Limits of a robot at n points of a path, before the motion along the path is known."""
+    """Limits of a robot at n points of a path, with all quantities that do not depend on time.
+
+    `constraints` makes rows for TOPP-RA of them.
+    """
 
     robot: Robot
     """The robot with the limits of its joints and motors."""
@@ -115,25 +128,26 @@ class PathLimits:
     loads: tuple[tuple[Array, Array, Array], ...]
     """Coefficients A, B and C of the torques τ_rigid = A s̈ + B ṡ² + C that move the links.
 
-    There is one tuple for each of `Robot.loads`. Each array has the shape (n, 4).
+    There is one tuple for each of `Robot.loads`, the variants of the links and the payload that the
+    motion must allow for. Each array has the shape (n, 4), in N·m, and in N for joint 4.
     """
     directions: Array
     """Signs σ of q'(s), 0 for a joint that does not move, (n, 4)."""
     ceiling: Array
-    """Largest ṡ² that the speed limits allow, (n,)."""
+    """Largest ṡ² that the speed limits allow, (n,), 1/s²."""
     starts: Mask
     """True where a joint starts from rest, (n, 4)."""
     braking_slopes: Array | None
-    """|J q'| / (2d) at the points, (n,), for a limit d on the distance in which the tip can stop.
+    """|J q'| / (2d) at the points, (n,), where d is the limit on the distance to stop, in m.
 
-    With the Jacobian J of the tip, |J q'| ṡ is the speed of the tip. None without such a limit.
+    J is the Jacobian of the tip, so |J q'| ṡ is the speed of the tip. None without such a limit.
     """
 
     @classmethod
     def on_grid(
         cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits
     ) -> "PathLimits":
-        """Evaluate the limits of a robot and a task on a grid.
+        """Evaluate the limits of a robot and a task at the grid points of a path.
 
         Parameters
         ----------
@@ -152,7 +166,7 @@ class PathLimits:
             The limits at the n grid points.
         """
         knots, signs = path.directions
-        # Index of the interval between two knots that contains the grid point.
+        # Index of the interval between two knots that contains each grid point.
         interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
         samples = path.sample(grid)
         bodies = map(RigidBody.from_robot, robot.loads)
@@ -184,9 +198,11 @@ class PathLimits:
         Parameters
         ----------
         speed_squared : (n,) array
-            ṡ² of the previous pass of TOPP-RA, at which friction coefficients are evaluated.
+            ṡ² of the previous pass of TOPP-RA, 1/s². Friction coefficients that depend on speed are
+            evaluated there.
         static_start : bool
-            True if friction is static where joints start from rest.
+            True if friction is static where joints start from rest. False if the motion continues
+            another one at speed.
 
         Returns
         -------
@@ -217,18 +233,18 @@ class PathLimits:
     ) -> Array:
         """Return the friction coefficient μ of the drive of joint i at the n points of the path.
 
-        With Stribeck friction, μ depends on the speed of the motor. It is evaluated at the motion
-        of the previous pass of TOPP-RA. Where a joint starts from rest, μ is that of static
-        friction.
+        With Stribeck friction, μ depends on the speed of the motor. The speed is not known yet, so
+        that of the previous pass of TOPP-RA is used. Where a joint starts from rest, μ is that of
+        static friction.
 
         Parameters
         ----------
         drive : Drive
             Drive of the joint with its friction parameters.
         i : int
-            Index of the joint.
+            Index of the joint, from 0.
         speed_squared : (n,) array
-            ṡ² at which a coefficient that depends on speed is evaluated.
+            ṡ² of the motion of the previous pass, 1/s².
         static_start : bool
             True if friction is static where the joint starts from rest.
 
@@ -238,6 +254,7 @@ class PathLimits:
             Friction coefficients.
         """
         friction = required_friction(drive)
+        # Speed of the motor, rad/s.
         w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
         static = self.starts[:, i] & static_start
         moving = friction_coefficient(friction, w)
@@ -251,37 +268,39 @@ class PathLimits:
         load: tuple[Array, Array, Array],
         speed_squared: Array,
     ) -> tuple[list[Array], Array]:
-        """Return the terms of the torque of a motor.
+        """Write the torque of a motor as terms, that is, as linear functions of s̈, ṡ² and ṡ.
 
-        With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor velocity w =
-        r q̇, the torque in the direction of motion σ is the larger of two linear functions
+        Let σ be the direction of motion, F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ the effort that
+        the drive must produce at its output, and w = r q̇ the motor velocity with the gear ratio r.
+        The torque in the direction of motion is the larger of two linear functions
         (`transmission.TorqueRows`),
 
             σ τ = max_k [slope_k σF + σ (inertia ẇ + coulomb + viscous w)].
 
-        If the motor drives, σ τ ≤ limit means that both functions satisfy it, which is exact. If it
-        brakes, −σ τ ≤ limit, one function suffices, because each is a lower bound of σ τ. The one
-        that is larger at the given ṡ² is taken, with ṡ ≥ ṡ² / √ceiling.
+        Where the motor drives, σ τ ≤ limit holds if and only if both functions are at most the
+        limit. Where it brakes, the condition is −σ τ ≤ limit. One function suffices for it, because
+        each is a lower bound of σ τ. The function that is larger at the given ṡ² is taken. Its part
+        k ṡ is replaced by k ṡ² / √ceiling, which is not larger, because ṡ² ≤ ceiling.
 
         Parameters
         ----------
         drive : Drive
             Drive of the joint.
         i : int
-            Index of the joint.
+            Index of the joint, from 0.
         mu : (n,) array
             Friction coefficients.
         load : tuple of three (n, 4) arrays
             A, B and C of τ_rigid = A s̈ + B ṡ² + C.
         speed_squared : (n,) array
-            ṡ² of the previous pass.
+            ṡ² of the previous pass of TOPP-RA, 1/s².
 
         Returns
         -------
         driving : list of (4, n) arrays
-            Terms that must stay below the limit if the motor drives.
+            Two terms, σ times the motor torque in N·m. Both must be at most the limit.
         braking : (4, n) array
-            Term that must stay below the limit if the motor brakes.
+            Term for −σ times the motor torque, N·m. It must be at most the limit.
         """
         sigma = self.directions[:, i]
         dq = self.samples.dq[:, i]
@@ -294,9 +313,11 @@ class PathLimits:
         inertia, viscous = drive.ratio * rows.inertia, drive.ratio * rows.viscous
         motor_side = sigma * (inertia * qdd + self._linear_term(c=rows.coulomb) + viscous * qd)
         driving = [slope * effort + motor_side for slope in rows.slope]
-        # Only terms with k ≥ 0 are concave in ṡ². A negative k is replaced by 0, which is stricter.
+        # A term is concave in ṡ² only if k ≥ 0, and TOPP-RA needs concave terms. A negative k is
+        # replaced by 0. This makes the limits of driving stricter.
         for term in driving:
             np.maximum(term[3], 0.0, out=term[3])
+        # Effort at the given ṡ² without its parts in s̈ and ṡ, which only selects a function.
         at_speed = effort[1] * speed_squared + effort[2]
         first, second = (slope * at_speed for slope in rows.slope)
         a, b, c, k = np.where(first > second, driving[0], driving[1])
@@ -309,7 +330,7 @@ class PathLimits:
         c: Array | float = 0.0,
         k: Array | float = 0.0,
     ) -> Array:
-        """Stack the coefficients of a row a s̈ + b ṡ² + c + k ṡ at the n points of the path.
+        """Stack the coefficients of a term a s̈ + b ṡ² + c + k ṡ at the n points of the path.
 
         Parameters
         ----------
@@ -321,24 +342,17 @@ class PathLimits:
         (4, n) array
             The coefficients a, b, c and k.
         """
+        # `ceiling` only gives the arrays their length n.
         a, b, c, k, _ = np.broadcast_arrays(a, b, c, k, self.ceiling)
         return np.stack([a, b, c, k])
 
 
 def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> Array:
-    """Return the distance that the tip covers until the robot stops, m.
+    """Return the distance that the tip covers while all joints brake to a stop, m.
 
-    Every joint brakes with a constant deceleration, and the joint that takes longest uses its
-    largest one. The tip stops after |J q̇| · max_i(|q̇_i| / q̈_i,max) / 2.
-
-    On a path q(s), a limit d on this distance must hold although the motion uses part of each
-    acceleration. If the deceleration s̈ = −|J q'| ṡ² / (2d) is available at every point, then
-    d(ṡ²)/ds = 2 s̈ brings ṡ to 0 before the tip has moved by d. The limit therefore holds if
-
-        |J q'| |q'_i| ṡ² / (2d) − min(0, ± (q'_i s̈ + q''_i ṡ²)) ≤ q̈_i,max,   (2)
-
-    with + if joint i moves forwards. The condition is sufficient. The independent check covers
-    motors that cannot brake as hard.
+    Every joint brakes with a constant deceleration, and all joints stop together. The joint that
+    needs most time brakes with its largest acceleration q̈_i,max. With the Jacobian J of the tip,
+    the tip stops after the distance |J q̇| · max_i(|q̇_i| / q̈_i,max) / 2.
 
     Parameters
     ----------
@@ -347,12 +361,23 @@ def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> A
     robot : Robot
         The robot with the largest accelerations of its joints.
     q, qd : (n, 4) arrays
-        Joint positions and velocities.
+        Joint positions (rad, and m for joint 4) and velocities (rad/s and m/s).
 
     Returns
     -------
     (n,) array
         Distance, m.
+
+    Notes
+    -----
+    On a path q(s), the robot also uses a part of each acceleration for the motion itself. If the
+    deceleration s̈ = −|J q'| ṡ² / (2d) is available at every point, then d(ṡ²)/ds = 2 s̈ brings ṡ
+    to 0 before the tip has moved by d. A limit d on the distance to stop therefore holds if
+
+        |J q'| |q'_i| ṡ² / (2d) − min(0, ± (q'_i s̈ + q''_i ṡ²)) ≤ q̈_i,max,   (2)
+
+    with + if joint i moves forwards. The condition is sufficient, not necessary. The independent
+    check covers motors that cannot brake as hard as their joints may.
     """
     limit = robot.accelerations
     return np.asarray(tool_speed(TipSpeed, mechanism, q, qd) * (np.abs(qd) / limit).max(axis=1) / 2)
@@ -361,11 +386,12 @@ def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> A
 def _speed_ceiling(
     path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits
 ) -> Array:
-    """Return the largest ṡ² (n,) that all limits of speed allow.
+    """Return the largest ṡ² that all limits on speeds allow at the points of a path.
 
     The speeds are |q'_i| ṡ of the joints, r |q'_i| ṡ of the motors (r: gear ratio), |J(q) q'| ṡ of
-    the tool and |dtask/ds| ṡ of the task coordinates. The limit of the distance to stop gives a
-    further bound (`braking_travel`).
+    the tool (J: Jacobian) and |dtask/ds| ṡ of the task coordinates. Each is proportional to ṡ, so
+    each limit gives a bound of ṡ. The distance in which the tip stops is proportional to ṡ²
+    (`braking_travel`), so a limit on it bounds ṡ too.
 
     Parameters
     ----------
@@ -383,7 +409,9 @@ def _speed_ceiling(
     (n,) array
         Largest ṡ², 1/s².
     """
+    # Velocities that both the joints and their motors allow, (4,).
     limit = joint_limits(robot)["velocity"]
+    # A speed that is 0 at a point does not limit ṡ there, and the quotient is infinite.
     with np.errstate(divide="ignore", over="ignore"):
         # Each entry is the largest ṡ that one limit allows, (n,).
         speeds = [*(limit / np.abs(samples.dq)).T]

@@ -1,8 +1,10 @@
 """Joint paths q(s), 0 ≤ s ≤ 1, along which TOPP-RA and optimal control plan motions.
 
-q contains the four joint positions, and s is the path parameter, which has no unit. The paths are
-lines in task coordinates, lines and arcs of the tip, splines, polylines, and the paths of existing
-motions. All are subclasses of `JointPath`. Primes denote derivatives with respect to s.
+A path states which joint positions the robot passes, but not when. q contains the four joint
+positions, and s is the path parameter, which has no unit. The paths are lines in task coordinates
+(roll, tilt, spin and depth of the tool), lines and arcs of the tip, splines, polylines, and the
+paths of existing motions. All are subclasses of `JointPath`. Primes denote derivatives with respect
+to s.
 """
 
 from abc import ABC, abstractmethod
@@ -29,9 +31,9 @@ if TYPE_CHECKING:  # It loads slowly, and few paths are splines.
     from scipy.interpolate import CubicSpline
 
 MIN_GRID_INTERVALS, MAX_GRID_INTERVALS = 1000, 20_000
-"""Smallest and largest number of grid intervals of TOPP-RA.
+"""Smallest and largest number of grid intervals on which TOPP-RA times a path.
 
-The time of the computation grows in proportion to the number of intervals.
+More intervals give a faster motion, but the computing time grows in proportion to their number.
 """
 INTERVALS_PER_POINT = 8
 """Number of grid intervals for each point of a spline, whose curvature changes between points."""
@@ -42,9 +44,9 @@ At a sharper corner, a spline would leave the polyline far. The joints are divid
 velocity limits first, which makes rad and m comparable.
 """
 BREAK_OFFSET = 1e-4
-"""Distance of a grid point from the break of a motion beside it, as a share of the piece.
+"""Distance of a grid point from the end of a polynomial piece, as a share of the piece's length.
 
-q'' jumps at a break, so it must not be evaluated there.
+q'' jumps at the ends of the pieces, so it must not be evaluated exactly there.
 """
 
 
@@ -80,16 +82,21 @@ class JointPath(ABC):
         ----------
         s : (n,) array
             Path parameters from 0 to 1.
+
+        Returns
+        -------
+        PathSamples
+            q, q' and q'' at these values, (n, 4) each.
         """
 
     @property
     @abstractmethod
     def directions(self) -> tuple[Array, Array]:
-        """Reversals of the joints, as two arrays.
+        """Knots of s at which joints reverse, and the directions of the joints between them.
 
-        The first array contains the knots (m + 1,): values of s from 0 to 1 between which no joint
-        reverses. The second contains the signs of q' between the knots, (m, 4), which are 0 for a
-        joint at rest. Friction acts against these directions.
+        The knots (m + 1,) increase from 0 to 1, and no joint reverses between two of them. The
+        directions (m, 4) are the signs of q' between the knots, and 0 for a joint at rest. They
+        determine the direction of the friction.
         """
 
     @cached_property
@@ -99,25 +106,33 @@ class JointPath(ABC):
 
     @property
     def breaks(self) -> Array:
-        """Values of s between which the path is smooth, (k + 1,). All of them are knots too."""
+        """Values of s between which the path is smooth, (k + 1,), from 0 to 1.
+
+        Each of them is also a knot of `directions`.
+        """
         return np.array([0.0, 1.0])
 
     @property
     def grid_intervals(self) -> int:
-        """Number of grid intervals for TOPP-RA."""
+        """Number of grid intervals that TOPP-RA needs to time this path."""
         return MIN_GRID_INTERVALS
 
     def speed_at(self, s: float, qd: Array) -> float:
-        """Return the path speed ds/dt (1/s) that given joint velocities require.
+        """Return the path speed ds/dt at which the joints have given velocities.
 
-        The result is the projection of the joint velocities on the tangent dq/ds of the path.
+        Because q̇ = q' ṡ, ṡ is the projection of q̇ on q'.
 
         Parameters
         ----------
         s : float
             Path parameter.
         qd : (4,) array
-            Joint velocities, which point along the path.
+            Joint velocities, which must point along the path, rad/s and m/s.
+
+        Returns
+        -------
+        float
+            Path speed ṡ, 1/s.
         """
         if not qd.any():
             return 0.0
@@ -125,19 +140,24 @@ class JointPath(ABC):
         return float(slope @ qd / (slope @ slope))
 
     def find_reversal(self, joint: int, low: float, high: float) -> float:
-        """Find the value of s at which a joint reverses.
+        """Find the value of s at which a joint reverses, that is, where its q' changes its sign.
 
         Parameters
         ----------
         joint : int
-            Index of the joint.
+            Index of the joint, from 0.
         low, high : float
             Values of s at which q' of the joint has different signs.
+
+        Returns
+        -------
+        float
+            The first such value between `low` and `high`.
         """
         return find_sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
 
     def smooth_directions(self, driven: tuple[int, ...]) -> tuple[Array, Array]:
-        """Find the reversals of a path that is smooth between its breaks.
+        """Find where joints reverse on a path that is smooth between its `breaks`.
 
         The signs of q' at many samples show between which of them a joint reverses. A search for
         the root of q' then gives the value of s.
@@ -145,8 +165,8 @@ class JointPath(ABC):
         Parameters
         ----------
         driven : tuple of int
-            Indices of the joints with a drive. The others count as joints at rest, because their
-            reversals change no friction.
+            Indices of the joints with a drive. Only drives have friction, which depends on the
+            direction. The other joints therefore count as joints at rest.
 
         Returns
         -------
@@ -161,7 +181,8 @@ class JointPath(ABC):
         dq = self.sample(s).dq
         rests = np.abs(dq) <= ROUNDING_TOLERANCE
         moving = ~rests.all(axis=0) & np.isin(np.arange(4), driven)
-        # A joint can only start after a rest at a break of the path, and every break is a knot.
+        # A change of sign between two samples at rest is rounding. No start after a rest is missed,
+        # because a joint can only start at a break of the path, and every break is a knot.
         reverses = (np.signbit(dq[1:]) != np.signbit(dq[:-1])) & ~(rests[1:] & rests[:-1])
         roots = (
             round(self.find_reversal(int(i), s[k], s[k + 1]), 12)
@@ -172,24 +193,29 @@ class JointPath(ABC):
         return knots, np.where(np.abs(middle) > ROUNDING_TOLERANCE, np.sign(middle), 0.0) * moving
 
     def starts(self, samples: PathSamples) -> Mask:
-        """Return a mask (n, 4) of the samples at which a joint starts from rest.
+        """Return a mask (n, 4) that is true at the n samples at which a joint starts from rest.
 
-        If the motion begins at rest, joints start at s = 0. Paths on which joints reverse at rest
-        override this method.
+        Here these are the samples at s = 0, because the motion begins at rest. Subclasses for paths
+        on which joints start again within the path override this method.
         """
         return np.tile((samples.s == 0.0)[:, None], 4)
 
 
 class ClosedPath(JointPath):
-    """A smooth path in closed form on one branch of the inverse kinematics, as a CasADi function.
+    """A smooth joint path that a CasADi function computes from a curve of the tool in closed form.
 
-    It is differentiable while the tilt stays away from the workspace boundary (paper, eq. 9).
+    The inverse kinematics has two solutions, called the branches +1 and −1. The whole path lies on
+    one of them. The path is differentiable while the tilt stays away from the boundary of the
+    workspace (paper, eq. 9), where the branches meet.
     """
 
     branch: int
     """Branch of the inverse kinematics: +1 or −1."""
     first: Array
-    """Joint positions at s = 0, (4,). They determine the whole turns of the revolute joints."""
+    """Joint positions at s = 0, (4,), rad and m.
+
+    The closed form gives angles only up to whole turns, which these positions determine.
+    """
     driven: tuple[int, ...]
     """Indices of the joints with a drive. Only their reversals matter, because of friction."""
 
@@ -211,7 +237,7 @@ class ClosedPath(JointPath):
         """
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q and their derivatives q' and q'' by s at s (n,)."""
+        """Evaluate q, q' and q'' at n path parameters, with whole turns counted from `first`."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = self._derivatives(s)
         return PathSamples(s, q + self._whole_turns, dq, ddq)
@@ -220,13 +246,17 @@ class ClosedPath(JointPath):
     def directions(self) -> tuple[Array, Array]:
         """Knots of s at which joints reverse, and the directions of the joints between them.
 
-        The knots (m + 1,) include 0 and 1. The directions (m, 4) are the signs of q' = dq/ds.
+        The knots (m + 1,) increase from 0 to 1. The directions (m, 4) are the signs of q' = dq/ds,
+        and 0 for joints without a drive.
         """
         return self.smooth_directions(self.driven)
 
     @cached_property
     def _whole_turns(self) -> Array:
-        """Whole turns in rad (1, 4) that are added to the joint positions of the closed form."""
+        """Angles in rad (1, 4) that are added to the closed form so that it begins at `first`.
+
+        They are multiples of 2π, and 0 for joint 4, which slides.
+        """
         q = self._derivatives(np.zeros(1))[0]
         turns = 2 * np.pi * np.round((self.first - q) / (2 * np.pi))
         turns[:, 3] = 0.0
@@ -269,16 +299,19 @@ class StraightPath(ClosedPath):
 def _line_function(mechanism: Mechanism, branch: int) -> ca.Function:
     """Build the CasADi function that evaluates a line in task coordinates.
 
-    Its arguments are s, and a vector (8,) of the 4 task coordinates at the start and the 4
-    components of the displacement to the end. It returns the joint positions q except for whole
-    turns, and their derivatives q' and q'' with respect to s.
-
     Parameters
     ----------
     mechanism : Mechanism
         Geometry of the robot.
     branch : int
         Branch +1 or −1, that is, which of the two solutions of the inverse kinematics q follows.
+
+    Returns
+    -------
+    ca.Function
+        Function of s and of a vector (8,), which contains the 4 task coordinates at the start and
+        the 4 components of the displacement to the end. It returns the joint positions q except for
+        whole turns, and their derivatives q' and q'' with respect to s.
     """
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", 8)
     task = parameters[:4] + s * parameters[4:]
@@ -287,23 +320,54 @@ def _line_function(mechanism: Mechanism, branch: int) -> ca.Function:
 
 
 def _with_derivatives(joints: ca.SX, s: ca.SX, parameters: ca.SX) -> ca.Function:
-    """Build a CasADi Function from s and parameters to joint positions and two derivatives by s."""
+    """Build a CasADi function that evaluates joint positions and their derivatives.
+
+    Parameters
+    ----------
+    joints : (4,) expression
+        Joint positions q as an expression of `s` and `parameters`.
+    s : symbol
+        Path parameter.
+    parameters : vector of symbols
+        Numbers that determine the path, for example its end points.
+
+    Returns
+    -------
+    ca.Function
+        Function of s and the parameters. It returns q, dq/ds and d²q/ds².
+    """
     slope: Any = ca.jacobian(joints, s)
     return ca.Function("path", [s, parameters], ca.cse([joints, slope, ca.jacobian(slope, s)]))
 
 
 def _evaluate(function: ca.Function, s: Array, parameters: list[float]) -> tuple[Array, ...]:
-    """Evaluate a Function of s and parameters at s (n,) with the same parameters, (n, 4) each."""
+    """Evaluate a function of `_with_derivatives` at n values of s with the same parameters.
+
+    Parameters
+    ----------
+    function : ca.Function
+        Function of s and a vector of parameters.
+    s : (n,) array
+        Values of s.
+    parameters : list of float
+        The parameters.
+
+    Returns
+    -------
+    tuple of three (n, 4) arrays
+        q, dq/ds and d²q/ds².
+    """
     return call(function, s[:, None], np.tile(parameters, (len(s), 1)))
 
 
 @record
 class TipPath(ClosedPath):
-    """Joint path of a tip that follows a line or an arc.
+    """Joint path on which the tip of the tool follows a line or an arc.
 
     The tip is at p(s) = fixed + s line + cos(s angle) u + sin(s angle) v. A line has u = v = 0, and
-    an arc has line = 0. The curve must avoid the remote centre and the axis of joint 1. The speed
-    of the tip is constant in s, and the spin changes in proportion to s.
+    an arc has line = 0. The length that the tip has covered, and the change of the spin (rotation
+    of the tool about its own axis), are proportional to s. The curve must avoid the remote centre
+    and the axis of joint 1, where the tip determines no unique joint positions.
     """
 
     mechanism: Mechanism
@@ -318,7 +382,7 @@ class TipPath(ClosedPath):
     driven: tuple[int, ...] = (0, 1, 2, 3)
 
     def tips(self, s: Array) -> Array:
-        """Return the tip positions (n, 3) in m at s (n,)."""
+        """Return the positions of the tip (n, 3) in m at the path parameters `s` (n,)."""
         turn = self.angle * s
         return np.asarray(
             np.column_stack([np.ones_like(s), s, np.cos(turn), np.sin(turn)]) @ self.terms
@@ -345,21 +409,17 @@ class TipPath(ClosedPath):
 
     @cached_property
     def _middle_roll(self) -> float:
-        """Roll in the middle of the path, rad.
+        """Roll (rotation of the tool about joint 1) in the middle of the path, rad.
 
-        The closed form returns rolls within half a turn of it, so that no roll jumps by a turn.
+        The closed form returns rolls within half a turn of this value, so that the roll does not
+        jump by a whole turn along the path.
         """
         return roll_of_tip(self.mechanism, self.tips(np.array([0.5]))[0])
 
 
 @lru_cache(maxsize=16)
 def _tip_curve_function(mechanism: Mechanism, branch: int) -> ca.Function:
-    """Build the CasADi Function that evaluates a line or an arc of the tip.
-
-    Its arguments are s from 0 to 1 and 16 parameters: the 12 numbers of `TipPath.terms` (four
-    vectors), the angle of the arc, the spins at the start and at the end, and the roll in the
-    middle. The results are the joint positions q, except for whole turns, and their derivatives q'
-    and q'' by s.
+    """Build the CasADi function that evaluates the joint path for a line or an arc of the tip.
 
     Parameters
     ----------
@@ -367,6 +427,14 @@ def _tip_curve_function(mechanism: Mechanism, branch: int) -> ca.Function:
         Geometry of the robot.
     branch : int
         Branch +1 or −1, that is, which of the two solutions of the inverse kinematics q follows.
+
+    Returns
+    -------
+    ca.Function
+        Function of s and of 16 parameters. These are the four vectors of `TipPath.terms`, the angle
+        of the arc, the spins at the start and at the end, and the roll in the middle. It returns
+        the joint positions q except for whole turns, and their derivatives q' and q'' with respect
+        to s.
     """
     s, parameters = ca.SX.sym("s"), ca.SX.sym("given", 16)
     terms = ca.reshape(parameters[:12], 3, 4)
@@ -382,8 +450,9 @@ def _tip_curve_function(mechanism: Mechanism, branch: int) -> ca.Function:
 def find_sign_change(function: Callable[[Array], Array], low: float, high: float) -> float:
     """Find the root of a function between two points at which it has different signs.
 
-    In each round, the interval is sampled, and the first part with a change of sign becomes the
-    next interval. The function takes arrays, so a round is one call.
+    The function is sampled at `PATH_SAMPLES` points of the interval. The first part between two
+    samples with a change of sign becomes the next interval, and so on. This needs fewer calls than
+    a bisection, because the function takes arrays.
 
     Parameters
     ----------
@@ -397,7 +466,8 @@ def find_sign_change(function: Callable[[Array], Array], low: float, high: float
     float
         The root, to within 1e-13 of the length of the interval.
     """
-    for _ in range(5):  # Five rounds reduce the interval to 1e-13 of its length.
+    # Each round divides the interval by 400. Five rounds reduce it to 1e-13 of its length.
+    for _ in range(5):
         s = np.linspace(low, high, PATH_SAMPLES)
         values = function(s)
         roots = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
@@ -408,22 +478,22 @@ def find_sign_change(function: Callable[[Array], Array], low: float, high: float
 
 
 def add_knots(knots: Array, candidates: Iterable[float]) -> Array:
-    """Add values of s at which joints reverse to the knots of a path.
+    """Add the values of s at which joints reverse to the knots of a path.
 
-    A value that is less than `EQUALITY_TOLERANCE` away from a knot is left out. Joints that reverse
+    A value that is at most `EQUALITY_TOLERANCE` away from a knot is left out. Joints that reverse
     together thus give one knot.
 
     Parameters
     ----------
     knots : (k,) array
-        Knots of the path: values of s between which it is smooth.
+        Values of s between which the path is smooth.
     candidates : iterable of float
         Values of s at which a joint reverses.
 
     Returns
     -------
-    array
-        The knots and the values that were added, sorted.
+    (m,) array
+        The knots and the values that were added, in increasing order.
     """
     for knot in sorted(candidates):
         if np.abs(knots - knot).min() > EQUALITY_TOLERANCE:
@@ -433,11 +503,11 @@ def add_knots(knots: Array, candidates: Iterable[float]) -> Array:
 
 @record
 class MotionPath(JointPath):
-    """The path of an existing motion, q(s) with s = t / duration.
+    """The path of an existing motion, q(s) with s = t / duration, to be given a new timing.
 
-    It serves to give the motion a new timing. The path consists of the polynomials of the motion,
-    so the motion itself has ṡ = ds/dt = 1 / duration. Where all joints rest, q' is 0 but ṡ is not.
-    A new timing therefore begins and ends with the ṡ of the motion.
+    The joint positions are the polynomials of the motion. The existing motion thus has the constant
+    path speed ṡ = ds/dt = 1 / duration. Where the robot rests, q' is 0 but ṡ is not. A new timing
+    from rest to rest therefore begins and ends with this ṡ, and not with 0.
     """
 
     mechanism: Mechanism
@@ -452,16 +522,16 @@ class MotionPath(JointPath):
     def directions(self) -> tuple[Array, Array]:
         """Knots of s between which no joint reverses, and the directions of the joints.
 
-        The knots have the shape (k + 1,), and the directions +1, −1 or 0 between them have the
-        shape (k, 4).
+        The knots (k + 1,) increase from 0 to 1. The directions (k, 4) between them are +1, −1, or 0
+        for a joint at rest.
         """
         return self.knots, self.signs
 
     def grid(self, points: int) -> Array:
-        """Return a grid of values of s from 0 to 1 for TOPP-RA.
+        """Return values of s from 0 to 1 at which TOPP-RA evaluates the limits.
 
-        q'' jumps at the breaks of the motion. A grid point therefore lies close to each side of
-        every break, and the others lie between the breaks.
+        q'' jumps at the breaks of the motion, the ends of its polynomials. A grid point therefore
+        lies close to each side of every break, and the others lie between the breaks.
 
         Parameters
         ----------
@@ -470,8 +540,8 @@ class MotionPath(JointPath):
 
         Returns
         -------
-        array
-            Increasing values of s. There are more than `points` if the motion has many breaks.
+        (n,) array
+            Increasing values of s. n exceeds `points` if the motion has many breaks.
         """
         breaks = self.trajectory.breaks / self.trajectory.duration
         remaining = max(points - 2 * (len(breaks) - 1), 0)
@@ -483,17 +553,17 @@ class MotionPath(JointPath):
         return np.append(grid, 1.0)
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,).
+        """Evaluate the joint positions and their derivatives with respect to the path parameter.
 
         Parameters
         ----------
         s : (n,) array
-            Path parameters from 0 to 1.
+            Path parameters. Values outside of 0 to 1 count as the nearest end.
 
         Returns
         -------
         PathSamples
-            q, q' and q'' at these values.
+            Joint positions q, and the derivatives q' = dq/ds and q'' = d²q/ds², (n, 4) each.
         """
         s = np.asarray(s, dtype=float)
         duration = self.trajectory.duration
@@ -505,9 +575,9 @@ class MotionPath(JointPath):
         return PathSamples(s, samples.q, dq, ddq)
 
     def starts(self, samples: PathSamples) -> Mask:
-        """Return a mask (n, 4) of the samples at which a joint starts from rest.
+        """Return a mask (n, 4) that is true at the n samples at which a joint starts from rest.
 
-        Joints start at s = 0 if q' is 0 there, and at knots at which they reverse.
+        A joint starts at s = 0 if its q' is 0 there, and at every knot at which it reverses.
         """
         return joint_starts(samples, *self.directions, moving=True)
 
@@ -515,7 +585,7 @@ class MotionPath(JointPath):
 def joint_starts(
     samples: PathSamples, knots: Array, directions: Array, *, moving: bool = False
 ) -> Mask:
-    """Return a mask (n, 4) of the samples at which joints start after a rest or a reversal.
+    """Mark the samples of a path at which joints start to move after a rest or a reversal.
 
     Parameters
     ----------
@@ -526,12 +596,13 @@ def joint_starts(
     directions : (m, 4) array
         Directions +1, −1 or 0 of the joints between the knots.
     moving : bool
-        True if ṡ is not zero at s = 0. Joints then start there only if q' is 0.
+        True if ṡ is not 0 at s = 0. A joint then starts there only if its q' is 0.
 
     Returns
     -------
     (n, 4) mask
-        True at the sample at or behind each knot at which a joint starts.
+        True for a joint and a sample if the joint starts at a knot, and if the sample is the first
+        one at or behind this knot.
     """
     starts = np.zeros((len(samples.s), 4), dtype=bool)
     previous = np.zeros(4)
@@ -545,28 +616,29 @@ def joint_starts(
 
 @record
 class SplinePath(JointPath):
-    """The natural cubic spline through given joint positions.
+    """The natural cubic spline q(s) through given joint positions.
 
-    At each point, s is the length of the polyline up to this point, as a share of its whole length.
-    The joints are divided by `scale` first. No two consecutive points may be equal.
+    The value of s at a point is the length of the polyline from the first point to this one, as a
+    share of the length of the whole polyline. The joint positions are divided by `scale` before
+    lengths are measured. No two consecutive points may be equal.
     """
 
     mechanism: Mechanism
     points: Array
     """Joint positions, (k + 1, 4), rad and m."""
     scale: Array
-    """Divisors of the joints for the length, (4,), for example their velocity limits."""
+    """Divisors that make rad and m comparable, (4,), for example the velocity limits."""
     pieces: bool = False
     """True if `breaks` contains the ends of the cubic pieces, at which q''' jumps.
 
-    The optimal control problem needs them.
+    Optimal control needs these ends, while TOPP-RA alone does not.
     """
 
     @property
     def breaks(self) -> Array:
-        """Values of s between which the path counts as smooth.
+        """Values of s between which the path counts as smooth, in increasing order.
 
-        They are all nodes of the spline if the field `pieces` is true, otherwise both ends.
+        They are those of all points if the field `pieces` is true, and otherwise 0 and 1.
         """
         return self.nodes if self.pieces else super().breaks
 
@@ -585,15 +657,16 @@ class SplinePath(JointPath):
 
     @property
     def grid_intervals(self) -> int:
-        """Number of grid intervals for TOPP-RA."""
+        """Number of grid intervals that TOPP-RA needs, which grows with the number of points."""
         return int(
             np.clip(INTERVALS_PER_POINT * len(self.points), MIN_GRID_INTERVALS, MAX_GRID_INTERVALS)
         )
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions q and their derivatives q' and q'' by s at s (n,)."""
+        """Evaluate q, q' = dq/ds and q'' = d²q/ds² at n path parameters, (n, 4) each."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = (self._spline(s, order) for order in range(3))
+        # Rounding of the spline must not move a joint whose points are all equal.
         at_rest = np.ptp(self.points, axis=0) < ROUNDING_TOLERANCE
         dq[:, at_rest] = ddq[:, at_rest] = 0.0
         return PathSamples(s, q, dq, ddq)
@@ -602,17 +675,23 @@ class SplinePath(JointPath):
     def directions(self) -> tuple[Array, Array]:
         """Knots of s at which joints reverse, and the directions of the joints between them.
 
-        The knots (m + 1,) include 0 and 1. The directions (m, 4) are the signs of q' = dq/ds.
+        The knots (m + 1,) increase from 0 to 1. The directions (m, 4) are the signs of q' = dq/ds,
+        and 0 for a joint at rest.
         """
         moving = np.flatnonzero(np.ptp(self.points, axis=0) >= ROUNDING_TOLERANCE)
         roots = self._spline.derivative().roots(extrapolate=False)
         reversals = np.concatenate([roots[i] for i in moving])
+        # For an interval in which q' is 0 everywhere, SciPy's list contains a NaN.
         knots = add_knots(self.breaks, reversals[np.isfinite(reversals)])
         return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq)
 
     @property
     def deviation_from_lines(self) -> Array:
-        """Largest deviation of each joint from the polyline through the points, (4,), rad and m."""
+        """Largest deviation of each joint from the polyline through the points, (4,), rad and m.
+
+        Spline and polyline are compared at `INTERVALS_PER_POINT` samples between two points. A
+        sample divides the range of s between its two points in the same ratio as the line.
+        """
         count = len(self.points) - 1
         share = np.linspace(0.0, 1.0, INTERVALS_PER_POINT * count + 1)
         s = np.interp(share, np.linspace(0.0, 1.0, count + 1), self.nodes)
@@ -621,11 +700,11 @@ class SplinePath(JointPath):
 
 
 def split_at_corners(points: Array, scale: Array) -> list[Array]:
-    """Split a sequence of points at corners that a smooth curve cannot follow.
+    """Split a sequence of points at the corners that a smooth curve cannot follow closely.
 
-    The directions before and after such a corner differ by more than `CORNER_ANGLE`. The point at
-    the corner belongs to both parts. Of points that are less than `EQUALITY_TOLERANCE` apart, one
-    is kept, because the direction between them is noise.
+    At such a corner, the direction of the polyline through the points changes by more than
+    `CORNER_ANGLE`. The point at the corner belongs to both parts. Of consecutive points that are
+    less than `EQUALITY_TOLERANCE` apart, one is kept, because the direction between them is noise.
 
     Parameters
     ----------
@@ -658,7 +737,10 @@ def split_at_corners(points: Array, scale: Array) -> list[Array]:
 
 @record
 class PolylinePath(JointPath):
-    """Straight lines in joint space through given points. Each line takes the same share of s."""
+    """The polyline in joint space through given points. All its lines take equal parts of s.
+
+    Its second derivative counts as 0 everywhere, although the direction jumps at the points.
+    """
 
     mechanism: Mechanism
     points: Array
@@ -666,25 +748,28 @@ class PolylinePath(JointPath):
 
     @property
     def directions(self) -> tuple[Array, Array]:
-        """Values of s at the points, (k + 1,), and directions +1, −1 or 0 of the lines, (k, 4)."""
+        """Values of s at the points, (k + 1,), and directions of the joints on the lines, (k, 4).
+
+        A direction is +1, −1, or 0 for a joint that does not move on the line.
+        """
         return np.linspace(0.0, 1.0, len(self.points)), np.sign(np.diff(self.points, axis=0))
 
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the path at given values of its parameter.
+        """Evaluate the joint positions and their derivatives with respect to the path parameter.
 
         Parameters
         ----------
         s : (n,) array
-            Values of the path parameter, from 0 to 1. Every line between two points covers an equal
-            part of this range.
+            Path parameters from 0 to 1.
 
         Returns
         -------
         PathSamples
-            Joint positions q and their derivatives dq/ds and d²q/ds². The second derivative is 0.
+            q, q' = dq/ds and q'' = d²q/ds² = 0, (n, 4) each.
         """
         s = np.asarray(s, dtype=float)
         count = len(self.points) - 1
+        # Index of the line that contains s. Clipping assigns s = 1 to the last line.
         index = np.clip((s * count).astype(int), 0, count - 1)
         displacement = np.diff(self.points, axis=0)[index]
         q = self.points[index] + (s * count - index)[:, None] * displacement

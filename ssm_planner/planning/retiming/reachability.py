@@ -1,22 +1,27 @@
 """The backward and the forward pass of TOPP-RA, which find the fastest motion on a grid.
 
-On the interval from grid point s_i to s_{i+1} of length Δ, let x = ṡ² at its start, w = ṡ² at its
-end, and s̈ = (w − x) / 2Δ. The constraints a s̈ + b ṡ² + c ≤ 1 at both ends become p x + q w ≤ r.
-Thus w lies below the lines with q > 0 and above those with q < 0,
+TOPP-RA computes the fastest timing of a given path q(s). A motion is described by the squared path
+speed ṡ² = (ds/dt)² at the grid points, and s̈ is constant between them. For the interval of length
+Δ from grid point s_i to s_{i+1}, let x be ṡ² at its start, and w be ṡ² at its end, so that s̈ =
+(w − x) / 2Δ. The constraints a s̈ + b ṡ² + c ≤ 1 at both ends become p x + q w ≤ r. For a given x,
+w must lie below the lines with q > 0 and above those with q < 0,
 
     L_i(x) ≤ w ≤ U_i(x),   (1)
 
-where U_i is a minimum of lines and concave, and L_i a maximum of lines and convex.
+where U_i is the minimum of the former lines, and L_i the maximum of the latter. U_i is concave, and
+L_i is convex.
 
-The backward pass computes the controllable ṡ² at every s_i, from which a motion within the
-constraints reaches the end. They form an interval [lo_i, hi_i] with
+The backward pass computes the controllable values of ṡ² at every s_i. A value is controllable if a
+motion within the constraints leads from it to the end. The controllable values form an interval
+[lo_i, hi_i]. It contains all x with
 
     least_i ≤ x ≤ most_i (where L_i ≤ U_i),   L_i(x) ≤ hi_{i+1},   lo_{i+1} ≤ U_i(x).   (2)
 
-A line of (1) that bounds x in (2) is solved for x, so hi_i and lo_i are minima and maxima of linear
-functions of hi_{i+1} and lo_{i+1}. The forward pass takes the fastest controllable motion, x_{i+1}
-= min(U_i(x_i), hi_{i+1}). native/reachability.c computes both passes. Without the compiled part,
-the package toppra does, which takes about forty times as long.
+where least_i and most_i are the ends of the range in which L_i ≤ U_i. Each line of (1) that bounds
+x in (2) is solved for x. Thus hi_i is a minimum, and lo_i a maximum, of linear functions of
+hi_{i+1} and lo_{i+1}. The forward pass takes the largest controllable value at every point, x_{i+1}
+= min(U_i(x_i), hi_{i+1}). native/reachability.c computes both passes. If the package was built
+without a C compiler, the package toppra computes them, which takes about forty times as long.
 
 Sources: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018, §III, with constraints at both ends of every interval
@@ -40,8 +45,8 @@ def fastest_profile(
     """Compute the fastest motion on a grid within linear constraints.
 
     The backward pass finds the values of ṡ² from which the end can be reached, and the forward pass
-    takes the largest of them (see the module's docstring). Both run in C if the compiled part of
-    the package is there, otherwise in the package toppra.
+    takes the largest of them (see the module's docstring). The compiled C code computes both passes
+    if it is available. Otherwise, the package toppra does.
 
     Parameters
     ----------
@@ -66,10 +71,11 @@ def fastest_profile(
     arrays = [
         np.ascontiguousarray(values) for values in (grid, rows.a, rows.b, rows.c, rows.ceiling)
     ]
-    # The C function writes to `result`. In the workspace it keeps the bounds lo and hi of ṡ² at the
-    # n + 1 grid points, and the intercept and slope of each line: each of m constraints gives two
-    # lines (one at either end of an interval), so 4 m numbers for the lines U_i of every interval,
-    # and 4 m more for the lines L_i of the present one. Another 4 m numbers remain unused.
+    # The C function writes to `result`. The workspace holds the bounds lo and hi of ṡ² at the n + 1
+    # grid points, and the intercept and slope of every line. Each of the m constraints gives two
+    # lines on an interval, one for each of its ends. This makes 4 m numbers for the lines U_i of
+    # every interval, and 4 m more for the lines L_i of the present interval. Another 4 m numbers
+    # remain unused.
     pointers = [ctypes.c_void_p(values.ctypes.data) for values in (*arrays, result, workspace)]
     sizes = map(ctypes.c_long, (n, m))
     ends = map(ctypes.c_double, (speeds[0] ** 2, speeds[1] ** 2))
@@ -79,10 +85,10 @@ def fastest_profile(
 def _fastest_by_toppra(
     grid: Array, rows: LinearConstraints, speeds: tuple[float, float]
 ) -> Array | None:
-    """Compute the fastest motion on a grid by the package toppra, without the compiled part.
+    """Compute the fastest motion on a grid by the package toppra instead of the compiled C code.
 
     The tolerances of toppra are absolute, about 1e-8. ṡ² is therefore expressed in thousandths of
-    its typical value.
+    its typical value, so that the tolerances are small in comparison.
 
     Parameters
     ----------
@@ -100,7 +106,8 @@ def _fastest_by_toppra(
     """
     if speeds[1] ** 2 > (1 + ROUNDING_TOLERANCE) * rows.ceiling[-1]:
         return None
-    # Both the speed limit and the largest acceleration bound ṡ². The median of these is typical.
+    # Two limits bound ṡ² at each point: the ceiling, and the steepest row, because s̈ ≤ 1 / a lets
+    # ṡ² grow to about 1 / a over the path. The median of the smaller bound is a typical value.
     steepest = np.abs(rows.a).max(axis=1, initial=ROUNDING_TOLERANCE)
     unit = 1e-3 * float(np.median(np.minimum(rows.ceiling, 1 / steepest)))
     terms = unit * rows.a, unit * rows.b, rows.c

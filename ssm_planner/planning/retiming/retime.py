@@ -1,10 +1,12 @@
 """TOPP-RA: the fastest motion along a given path, with friction as exact linear constraints.
 
-`retime` is the main entry. constraints.py formulates the constraints at the points of a grid, and
-reachability.py computes the fastest motion within linear constraints, which this module calls one
-pass. The terms of viscous friction are concave in ṡ², with the speed ṡ = ds/dt along the path. Each
-pass replaces them by their tangents at the motion of the previous pass. A tangent overestimates its
-term, so every pass gives a feasible motion, and the motion of the next pass is not slower.
+A path q(s) is given, and TOPP-RA (time-optimal path parametrisation by reachability analysis)
+computes its timing s(t). `retime` is the main function. constraints.py writes the limits as
+constraints on s̈ and ṡ² at the points of a grid, where ṡ = ds/dt is the speed along the path.
+reachability.py computes the fastest motion within linear constraints. This module calls one such
+computation a pass. The terms of viscous friction are not linear but concave in ṡ². Each pass
+replaces them by their tangents at the motion of the previous pass. A tangent is never smaller than
+its term. Every pass thus gives a feasible motion, and the next motion is not slower.
 
 Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018, and its interpolation scheme.
@@ -29,31 +31,33 @@ from ssm_planner.trajectory import Samples, Trajectory, quintic_coefficients
 from ssm_planner.typing import Array, Indices, record
 
 UNIFORM_WEIGHT = 0.1
-"""Weight of uniform steps in s for the grid. The rest of the weight is on uniform steps in time.
+"""Weight of uniform steps in s for the fine grid, from 0 to 1.
 
-Without it, a fast part of the motion would have too few grid points.
+The rest of the weight is on uniform steps in time. With uniform steps in time alone, a fast part of
+the motion would have too few grid points.
 """
 MAX_PASSES = 12
-"""Largest number of passes. A test with strong viscous friction needs ten."""
+"""Largest number of passes of TOPP-RA. A test with strong viscous friction needs ten."""
 MAX_SPEED_RATIO = 10.0
-"""Largest ratio of ṡ after retiming to ṡ of the existing motion.
+"""Largest ratio of ṡ in the new timing of an existing motion to ṡ in that motion.
 
-It bounds ṡ where all joints rest, because no limit of a joint does so there.
+Where all joints rest, no limit of a joint bounds ṡ, so this ratio does.
 """
 TANGENT_REDUCTION = 1 / 16
-"""Factor on the ṡ² of the tangents after a pass without a feasible motion.
+"""Factor on the ṡ² at which tangents are taken, after a pass that finds no motion.
 
-The speed of the tangents thus falls to a quarter.
+The speed ṡ thus falls to a quarter.
 """
 FAILURE = "TOPP-RA finds no motion along the path within the limits"
-"""Message of a retiming without a motion."""
+"""Message of the planner if TOPP-RA finds no motion along a path."""
 
 
 @record
 class Retiming:
-    """Result of TOPP-RA: the timing of a path on a grid of the path parameter s with n intervals.
+    """Result of TOPP-RA: the timing of a path on a grid of n intervals of the path parameter s.
 
-    ṡ = ds/dt is the speed along the path. ṡ² is linear in s on each interval, so s̈ is constant.
+    ṡ = ds/dt is the speed along the path. ṡ² is linear in s on each interval, so s̈ is constant
+    there.
     """
 
     s: Array
@@ -61,7 +65,9 @@ class Retiming:
     speed_squared: Array
     """ṡ² = (ds/dt)² at the grid points, (n + 1,), 1/s². All are 0 if there is no motion."""
     active: Indices
-    """Index of the constraint that binds on each interval, (n,), from `LinearConstraints.active`.
+    """For each interval, the index of the constraint that limits the motion most, or −1, (n,).
+
+    `LinearConstraints.active` defines the indices.
     """
 
     @property
@@ -81,7 +87,7 @@ class Retiming:
 
     @property
     def duration(self) -> float:
-        """Duration, s. Infinite without a motion."""
+        """Duration of the motion, s. Infinite if there is no motion."""
         return float(self.times[-1]) if self.solved else np.inf
 
 
@@ -95,8 +101,8 @@ def retime(
     """Compute the time-optimal motion along a path by TOPP-RA.
 
     If the grid has many points, the function first calls itself with a coarse grid. The motion on
-    the coarse grid determines where the points of the fine grid lie, and where the first tangents
-    are taken.
+    the coarse grid determines where the points of the fine grid lie. It also gives the speeds at
+    which the terms of viscous friction are first replaced by their tangents.
 
     Parameters
     ----------
@@ -127,7 +133,10 @@ def retime(
 
 
 def holds_tip_speed(retiming: Retiming, path: JointPath, speed: float) -> bool:
-    """Return True if the tip reaches a speed once and keeps it until it slows down.
+    """Return True if the tip has a given speed in exactly one part of the motion.
+
+    The tip then accelerates to this speed, keeps it, and slows down only at the end. The speed must
+    be reached at three grid points at least.
 
     Parameters
     ----------
@@ -143,6 +152,7 @@ def holds_tip_speed(retiming: Retiming, path: JointPath, speed: float) -> bool:
         retiming.speed_squared
     )
     at_speed = np.flatnonzero(tip_speed >= (1 - ROUNDING_TOLERANCE) * speed)
+    # The grid points at this speed must be consecutive.
     return len(at_speed) > 2 and len(at_speed) == at_speed[-1] - at_speed[0] + 1
 
 
@@ -151,8 +161,9 @@ def retime_motion(
 ) -> Retiming:
     """Compute the time-optimal motion along the path of an existing motion by TOPP-RA.
 
-    The planner calls it to slow a free motion down within a limit on the distance to stop. Without
-    such a limit, the result takes at most about as long as the existing motion.
+    The planner calls it for a motion from which the tip cannot stop within a given distance. The
+    new timing slows this motion down. Without such a limit on the distance, the result takes at
+    most about as long as the existing motion.
 
     Parameters
     ----------
@@ -163,7 +174,7 @@ def retime_motion(
     limits : TaskLimits
         Limits on the tool and on rates of task coordinates.
     speed_ratio : float
-        Ratio of ṡ = ds/dt at both ends to the constant ṡ of the existing motion.
+        ṡ = ds/dt at both ends of the new motion, divided by the constant ṡ of the existing motion.
 
     Returns
     -------
@@ -173,7 +184,7 @@ def retime_motion(
     grid = path.grid(MIN_GRID_INTERVALS)
     speed = speed_ratio / path.trajectory.duration
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
-    # The joints do not limit ṡ where all of them rest.
+    # Where all joints rest, their limits allow any ṡ.
     path_limits = replace(
         path_limits, ceiling=np.minimum(path_limits.ceiling, (MAX_SPEED_RATIO * speed) ** 2)
     )
@@ -183,21 +194,23 @@ def retime_motion(
 
 
 def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
-    """Return True if the motion of a path satisfies the limits at the samples of the path.
+    """Return True if an existing motion satisfies the limits at the grid points of its path.
 
-    The limits are those of joint velocity and acceleration, motor speed and torque, and the speeds
-    of the tool. Jerk and the distance to stop are not examined.
+    The limits are those of joint velocity and acceleration, motor speed and torque, the speeds of
+    the tool, and the rates of task coordinates. Limits on jerk and on the distance to stop are not
+    examined.
 
     Parameters
     ----------
     path : MotionPath
-        The path of the motion, with the motion itself.
+        The path of the motion, which contains the motion itself.
     robot : Robot
         The robot with its limits.
     limits : TaskLimits
         Limits on the tool and on rates of task coordinates.
     """
     grid = path.grid(MIN_GRID_INTERVALS)
+    # The motion itself has s = t / duration, so ṡ is constant and s̈ is 0.
     squares = np.full_like(grid, 1 / path.trajectory.duration**2)
     path_limits = replace(PathLimits.on_grid(path, grid, robot, limits), braking_slopes=None)
     rows = path_limits.constraints(squares, static_start=True).tangent(squares)
@@ -209,8 +222,8 @@ def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
 def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
     """Convert a new timing of an existing motion to joint polynomials, one on each grid interval.
 
-    Two grid points lie beside every break of the path, that is, every end of a polynomial of the
-    existing motion. They become one point on the break, at which the acceleration may jump.
+    The grid has a point on either side of every break, where two polynomials of the existing motion
+    meet. These two points are replaced by one on the break, at which the acceleration may jump.
 
     Parameters
     ----------
@@ -225,6 +238,7 @@ def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
         The motion with the new timing.
     """
     motion = path.trajectory
+    # Time in the existing motion, and the squared ratio of the new velocities to the old ones.
     old_time = retiming.s * motion.duration
     rate_squared = retiming.speed_squared * motion.duration**2
     # Index of the grid point after each break.
@@ -235,14 +249,17 @@ def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
     acceleration = (np.diff(rate_squared) / (2 * np.diff(old_time)))[:, None]
 
     def states(samples: Samples, squares: Array) -> tuple[Array, Array, Array]:
-        """Return q, q̇ and q̈ (n, 4) of the new motion at samples of the old one.
+        """Return q, q̇ and q̈ (n, 4) of the new motion at one end of each of its n intervals.
+
+        With the old time θ(t), they are q, q' θ̇ and q' θ̈ + q'' θ̇². Primes denote derivatives of
+        the old motion. θ̈ is `acceleration` of the enclosing function.
 
         Parameters
         ----------
         samples : Samples
-            Positions, velocities and accelerations of the old motion at n instants.
+            Positions, velocities and accelerations of the old motion at these ends.
         squares : (n,) array
-            Squared ratios of the new velocities to the old ones.
+            θ̇², the squared ratios of the new velocities to the old ones.
         """
         speed, square = np.sqrt(squares)[:, None], squares[:, None]
         return samples.q, samples.qd * speed, samples.qdd * square + samples.qd * acceleration
@@ -264,9 +281,9 @@ def _repeat_passes(
     """Repeat the passes of TOPP-RA on a grid until the tangents converge.
 
     A pass computes the fastest motion within linear constraints. Viscous friction is not linear in
-    ṡ², so each pass replaces it by its tangents at the motion of the previous pass, which
-    overestimate it. The passes end when the duration changes by less than the share `GAP`, or when
-    no constraint with a tangent binds.
+    ṡ². Each pass therefore replaces its terms by their tangents at the motion of the previous pass,
+    which overestimate them. The passes end when the duration changes by at most the share `GAP`, or
+    when the motion reaches no limit whose constraint contains a tangent.
 
     Parameters
     ----------
@@ -275,7 +292,7 @@ def _repeat_passes(
     path_limits : PathLimits
         Limits at the grid points.
     tangent : (n,) array
-        ṡ² at which the first tangents are taken.
+        ṡ² at which the first tangents are taken, 1/s².
     speeds : (float, float)
         ṡ at both ends, 1/s.
     static : bool
@@ -284,14 +301,15 @@ def _repeat_passes(
     Returns
     -------
     Retiming
-        The motion of the last pass. Its property `solved` is False if no pass found a motion.
+        The motion of the last pass that found one. Its property `solved` is False if none did.
     """
     result = Retiming(grid, np.zeros_like(grid), np.zeros(len(grid) - 1, dtype=int))
     for _ in range(MAX_PASSES):
         rows = path_limits.constraints(tangent, static_start=static)
-        # The square root has no tangent at 0.
+        # The square root has no tangent at 0, so ṡ² is raised to a tiny positive value there.
         linear = rows.tangent(np.maximum(tangent, 1e-12 * tangent.max()))
         speed_squared = fastest_profile(grid, linear, speeds)
+        # The motion of an earlier pass remains valid.
         if speed_squared is None and result.solved:
             break
         if speed_squared is None:
@@ -300,6 +318,8 @@ def _repeat_passes(
             tangent = tangent * TANGENT_REDUCTION
             continue
         # Tangents only overestimate. If no row with a tangent binds, they do not change the motion.
+        # The two entries at the end belong to the indices that stand for the ceiling, and for no
+        # binding row (−1).
         has_tangent = np.append(rows.k.any(axis=0), [False, False])
         is_exact = not has_tangent[linear.active(grid, speed_squared)].any()
         duration = float(_passing_times(grid, speed_squared)[-1])
@@ -313,12 +333,20 @@ def _repeat_passes(
 
 
 def _passing_times(grid: Array, speed_squared: Array) -> Array:
-    """Return the times (n + 1,) in s at which a motion passes the grid points.
+    """Return the times at which a motion passes the grid points.
+
+    ṡ² is linear in s between the grid points. The motion therefore covers the interval from s_i to
+    s_{i+1} in the time 2 (s_{i+1} − s_i) / (ṡ_i + ṡ_{i+1}).
 
     Parameters
     ----------
     grid, speed_squared : (n + 1,) arrays
-        s and ṡ² at the grid points. ṡ² is linear in s between them.
+        s and ṡ² at the grid points.
+
+    Returns
+    -------
+    (n + 1,) array
+        Times, s. The first one is 0.
     """
     speed = np.sqrt(speed_squared)
     # 1e-300 prevents a division by zero where the motion rests.
@@ -329,11 +357,12 @@ def _passing_times(grid: Array, speed_squared: Array) -> Array:
 def _grid(knots: Array, points: int, coarse: Retiming | None) -> Array:
     """Choose the values of s from 0 to 1 at which TOPP-RA imposes its constraints.
 
-    Without a coarse motion, the grid is uniform in s. With one, it is nearly uniform in time. The
-    scheme satisfies the constraints at both ends of an interval with a single s̈, which makes the
-    motion slightly slower than the fastest one, most of all in intervals that take long. With the
-    same number of points, a grid that is uniform in time causes a quarter of this delay. In both
-    cases, the grid points nearest to the knots are moved to the knots.
+    Without a coarse motion, the grid is uniform in s. With one, it is nearly uniform in time,
+    because such a grid gives a faster motion. TOPP-RA uses one value of s̈ on each interval, and it
+    must satisfy the constraints at both ends. The motion is therefore slightly slower than the
+    fastest one, and this delay is largest in intervals that take much time. A grid with the same
+    number of points that is uniform in time causes a quarter of the delay. In both cases, the grid
+    points nearest to the knots are moved to the knots.
 
     Parameters
     ----------
@@ -350,6 +379,8 @@ def _grid(knots: Array, points: int, coarse: Retiming | None) -> Array:
         Increasing values of s.
     """
     grid = np.linspace(0.0, 1.0, points + 1)
+    # `shares` grows from 0 to 1 along the coarse grid, mostly with time. The fine grid is uniform
+    # in it.
     if coarse is not None and coarse.solved:
         weighted_times = (1 - UNIFORM_WEIGHT) * coarse.times / coarse.duration
         shares = UNIFORM_WEIGHT * coarse.s + weighted_times
