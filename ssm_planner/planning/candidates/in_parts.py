@@ -1,7 +1,8 @@
 """Free motions in two parts with a rest between the parts.
 
-`InTurn` lets some joints move before the others. `StopFirst` (in stop_first.py) stops first, and
-then moves from rest. `InParts` contains what both have in common.
+A free motion is one whose path the planner chooses. `InTurn` moves some joints before the others.
+`StopFirst` (in stop_first.py) stops first, and then moves from rest. Their common base class
+`InParts` plans the parts and joins them.
 """
 
 from collections.abc import Iterator
@@ -29,28 +30,30 @@ from ssm_planner.trajectory import join_sections
 from ssm_planner.typing import Array, record
 
 DISPLACEMENT_SHARES = (1.0, 0.5)
-"""Shares of their displacement that the joints of the first part cover before the rest.
+"""Shares of their displacement that the joints that move first cover before the rest.
 
-Each motor must be strong enough at both ends of both parts. Half of the displacement may meet this
-condition where all of it does not.
+Each motor must be strong enough at both ends of both parts. A rest after half of the displacement
+may meet this condition where a rest after all of it does not.
 """
 MAX_ORDERS = 4
-"""Largest number of orders of the joints that are tried. Each order costs two optimisations."""
+"""Largest number of positions of the rest that are tried. Each of them costs two optimisations."""
 
 
 class InParts(FallbackCandidate):
     """A free motion that consists of two motions (parts) with a rest between them."""
 
     label: ClassVar[str]
-    """Text that is added to the name of the phase, so that a report shows how it moves."""
+    """Text that is added to the name of the motion, so that a report shows how it moves."""
 
     def _plan_part(self, phase: Phase, *others: type[PhaseCandidate]) -> PlannedPhase | Reason:
-        """Return the fastest motion of one part, among direct motions, detours and other kinds.
+        """Search the fastest motion of one part.
+
+        Direct motions and detours around the eye are tried, and the kinds in `others`.
 
         Parameters
         ----------
         phase : Phase
-            The part. A requested duration is ignored.
+            The part. Its requested duration is ignored, because it is that of both parts.
         *others : types of PhaseCandidate
             Further kinds of candidates, that is, ways to move the part.
 
@@ -66,7 +69,9 @@ class InParts(FallbackCandidate):
     def _append_part(
         self, first: PhaseSolution, onward: Phase, *others: type[PhaseCandidate]
     ) -> PlannedPhase | Reason:
-        """Append the fastest motion of the second part to the first part.
+        """Plan the second part, and join both parts into one motion.
+
+        If the phase has a requested duration, the second part is slowed down to reach it.
 
         Parameters
         ----------
@@ -75,14 +80,13 @@ class InParts(FallbackCandidate):
         onward : Phase
             Second part, which begins where the first one ends.
         *others : types of PhaseCandidate
-            Further kinds of candidates for the second part.
+            Further kinds of candidates (ways to move) for the second part.
 
         Returns
         -------
         PlannedPhase or Reason
-            The phase with both parts as one motion. If the phase has a requested duration, the
-            second part is slowed down to reach it. A reason states why there is no second part, or
-            that both parts take longer than requested.
+            The phase with both parts as one motion. A reason states why there is no second part, or
+            that the parts cannot be made to take the requested duration.
         """
         phase = self.planner.phase
         result = planned_rest(onward) if onward.is_at_rest else self._plan_part(onward, *others)
@@ -91,6 +95,7 @@ class InParts(FallbackCandidate):
         second, duration = result.motion, phase.motion.duration
         if duration is not None:
             needed = first.duration + second.duration
+            # A rest cannot be slowed down, nor a motion that must end with a given velocity.
             if (
                 needed > duration * (1 + EQUALITY_TOLERANCE)
                 or not second.duration
@@ -101,6 +106,8 @@ class InParts(FallbackCandidate):
         trajectory = join_sections(
             [("", motion.breaks, motion.coefficients) for motion in (first, second)]
         )
+        # The rest between the parts is the last border of the first part and the first border of
+        # the second one. Its instant must occur only once.
         motion = replace(
             second,
             breaks=trajectory.breaks,
@@ -118,12 +125,12 @@ class InParts(FallbackCandidate):
 class InTurn(InParts):
     """A free motion from rest to rest in which some joints move before the others.
 
-    The load of a motor depends on the positions of other joints. A motor that is too weak to move
-    its joint now may be strong enough after another joint has moved.
+    It serves if a motor is too weak for the direct motion. The load of a motor depends on the
+    positions of other joints, so the motor may be strong enough after another joint has moved.
     """
 
     between: Array
-    """Joint positions at the rest between the parts, (4,), rad and m."""
+    """Joint positions at the rest between the two parts, (4,), rad and m."""
 
     kind: ClassVar[str] = "in turn"
     label: ClassVar[str] = "in turn"
@@ -132,11 +139,11 @@ class InTurn(InParts):
     def suggested_after_failure(
         cls, planner: PhasePlanner, reason: Reason
     ) -> Iterator[PhaseCandidate]:
-        """Yield the orders with the smallest bounds, if a motor is too weak for the direct motion.
+        """Yield motions in two parts if a motor is too weak for the direct motion.
 
-        An order is a subset of the joints that moves first, with the share of its displacement that
-        it covers before the rest. In each order that is yielded, every motor is strong enough at
-        the ends of both parts.
+        The candidates differ in the joints that move first, and in the share of their displacement
+        that these joints cover before the rest. A candidate is yielded only if every motor is
+        strong enough at the ends of both parts.
 
         Parameters
         ----------
@@ -156,7 +163,8 @@ class InTurn(InParts):
         if not (is_too_weak and between_points and phase.begins_and_ends_at_rest):
             return
         start, end = phase.points
-        # Each row is the displacement of one of the 16 subsets of the joints.
+        # Each row contains the displacements of one of the 16 subsets of the joints, and 0 for the
+        # other joints.
         displacements = np.array(list(product((0.0, 1.0), repeat=4))) * (end - start)
         points = np.unique(
             np.vstack([start + share * displacements for share in DISPLACEMENT_SHARES]), axis=0
@@ -168,13 +176,23 @@ class InTurn(InParts):
 
     @property
     def bound(self) -> float:
-        """Duration that no motion with this rest can beat, s."""
+        """Duration that no motion with a rest at `between` can beat, s."""
         return sum(part.lower_bound for part in _split_phase(self.planner.phase, self.between))
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return both motions joined into one, or the reason why one of them was not found.
+        """Return the motions of both parts joined into one.
 
-        Neither argument is used, because this kind of candidate has no estimate.
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s. It is not used, because both parts are always planned completely.
+        estimate : PlannedPhase or None
+            None, because this kind of candidate has no estimate.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why a part has none.
         """
         first, last = _split_phase(self.planner.phase, self.between)
         result = self._plan_part(first)
@@ -184,8 +202,7 @@ class InTurn(InParts):
 def _split_phase(phase: Phase, between: Array) -> tuple[Phase, Phase]:
     """Split a phase into two parts with a rest between them.
 
-    The first part has no target of its own, and ends at rest. The second part ends as the phase
-    does.
+    The first part ends at rest. The second part begins at rest and ends as the phase does.
 
     Parameters
     ----------
@@ -205,10 +222,10 @@ def _split_phase(phase: Phase, between: Array) -> tuple[Phase, Phase]:
 
 
 def _are_feasible(parts: tuple[Phase, Phase]) -> bool:
-    """Return True if both parts of a phase can be moved, as far as simple checks tell.
+    """Return True if no simple check excludes a motion of one of both parts.
 
-    Both parts must move, no limit may forbid the joint positions at their ends, and every motor
-    must be strong enough there.
+    Each part must move a joint, no limit may forbid the joint positions at its ends, and every
+    motor must be strong enough there.
 
     Parameters
     ----------

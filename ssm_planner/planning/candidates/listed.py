@@ -1,5 +1,8 @@
 """Kinds of candidates for the motion of a phase, in the order in which the search asks them.
 
+A phase is one entry of the motion list, and a candidate is one way to move it. The columns contain
+the name of each kind, its motion, and the condition under which its class suggests a candidate.
+
 ============  ===========================================  =========================================
 kind          motion                                       suggested
 ============  ===========================================  =========================================
@@ -14,17 +17,19 @@ detour        around the eye, with the tool drawn back     if the eye blocks `di
 task line     along a straight line in task coordinates    if `direct` fails
 ============  ===========================================  =========================================
 
-`search.find_fastest` always advances the candidate with the smallest known duration: from its bound
-to its estimate, and from there to its solution. A candidate loses if its bound or its estimate is
-not shorter than the best motion by a share of `tolerances.GAP`, or if it has no motion.
-`Evaluation.to_dict` states the reason, which `ssm-planner plan --explain` prints.
+`search.find_fastest` computes a candidate in steps, from a lower bound of its duration to an
+estimate (an approximate motion), and from there to its solution. The candidate with the smallest
+known duration is always the next one. It is dropped if its bound or its estimate is not shorter
+than the best motion by a share of `tolerances.GAP`, or if it has no motion. `Evaluation.to_dict`
+states the reason, which `ssm-planner plan --explain` prints.
 
 For a free motion between two points from rest to rest, the search therefore estimates `direct`,
 then `reversing`, and solves the one with the smaller estimate. If `direct` fails, the kinds below
 it in the table are asked in their order.
 
-A new kind of candidate is a class in a file of its own, and one more line here. Other joints at a
-target move the whole problem, so `pipeline/mission.py` searches them.
+A new kind of candidate is a class in a file of its own, and one more line here. Candidates with
+other joint positions at a target change the motion of the whole problem. They are therefore not in
+this list, and `pipeline/mission.py` searches them.
 """
 
 from ssm_planner.planning.candidates.candidate import PhaseCandidate

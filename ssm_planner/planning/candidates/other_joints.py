@@ -1,11 +1,14 @@
-"""Other joints at a target of a free motion: the other branch, whole turns, and free spins.
+"""Motions that reach a target of a free motion with other joint positions than the nearest ones.
 
-Several joint positions reach a target in task coordinates, or of the tip. They differ in whole
-turns of the revolute joints, and in the branch: the inverse kinematics has two solutions, called
-the branches +1 and −1, which differ in the side to which joint 2 is bent. The planner takes the
-nearest joint positions on the present branch. Each candidate (way to move) of this module takes
-other ones. All later targets are then reached with the nearest joints again, so a candidate changes
-the motion of the whole problem. `pipeline/mission.py` runs the search.
+Several joint positions reach a target that is given in task coordinates (roll, tilt, spin, depth)
+or as a position of the tip. They differ in whole turns of the revolute joints, and in the branch.
+The inverse kinematics has two solutions, called the branches +1 and −1, which differ in the side to
+which joint 2 is bent. If the problem leaves the spin (rotation of the tool about its own axis)
+open, they also differ in the spin.
+
+The planner takes the nearest joint positions on the present branch. Each candidate (way to move) of
+this module takes other ones. All later targets are then reached with the nearest joints again, so a
+candidate changes the motion of the whole problem. `pipeline/mission.py` runs the search.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,16 +32,16 @@ from ssm_planner.problem import Free, Joints, Motion, Problem, unchecked_copy
 from ssm_planner.typing import Array, record
 
 MAX_RESCUES = 3
-"""Largest number of other joint positions that are planned if the nearest joints give no motion.
+"""Largest number of other joint positions that are planned if the nearest ones give no motion.
 
-Without a motion, there is no duration at which the search could give up on candidates, so their
-number is limited.
+The search usually drops candidates that cannot be faster than the best motion. Without a motion,
+only their number limits the work.
 """
 
 
 @record
 class MissionMotion:
-    """The duration of a whole problem, with the motions of its phases if they are planned.
+    """The duration of the motion of a whole problem, with its phases if they are planned.
 
     A phase is an entry of the motion list with its joint positions.
     """
@@ -51,16 +54,16 @@ class MissionMotion:
 
 @record
 class JointsPlanner:
-    """A target that several joint positions reach, and the planner of the whole problem.
+    """A target that several joint positions reach, and functions to plan the whole problem.
 
-    The search over other joint positions at this target (`pipeline/mission.py`) passes it to the
-    candidates, that is, the ways to move. Its field `plan` plans and checks a problem in which the
-    target is replaced by joint positions.
+    `pipeline/mission.py` searches the fastest motion over these joint positions. The candidates
+    (ways to move) of that search receive a value of this class.
     """
 
     problem: Problem
+    """The problem that contains the target."""
     phases: tuple[Phase, ...]
-    """Phases of the problem with the nearest joints."""
+    """Phases of the problem (entries of the motion list), with the nearest joint positions."""
     target: tuple[int, int]
     """Index of the free motion in the motion list, and index of the target in that motion.
 
@@ -69,11 +72,11 @@ class JointsPlanner:
     best: MissionMotion | None
     """Shortest motion so far that has passed the independent check. None if there is none."""
     plan: Callable[[Problem], MissionMotion | Reason]
-    """Plans and checks a problem."""
+    """Plans and checks a problem in which joint positions replace the target."""
     work: Work
     """Counter of the work of `plan`."""
     report: Callable[[], None]
-    """Called before every candidate is estimated, to report progress."""
+    """Reports progress to the user. Each candidate calls it before it is estimated."""
 
     @property
     def motion(self) -> Free:
@@ -84,7 +87,7 @@ class JointsPlanner:
 
     @cached_property
     def phase(self) -> Phase:
-        """The phase of the free motion."""
+        """The phase of the free motion to the target."""
         return next(phase for phase in self.phases if phase.motion is self.motion)
 
     @property
@@ -94,15 +97,18 @@ class JointsPlanner:
 
     @property
     def spin_free(self) -> bool:
-        """True if the problem leaves the spin of the target to the planner (`spin: free`)."""
+        """True if the problem leaves the spin of the target to the planner (`spin: free`).
+
+        Only the end of a motion can have a free spin, not its via points.
+        """
         return self.motion.spin_free and self.target[1] == len(self.motion.through)
 
     def joints(self) -> list[Array]:
-        """Return all joint positions that reach the target, except those of the phase.
+        """Return all joint positions that reach the target, except those that the phase has.
 
         They differ in the branch of the inverse kinematics (+1 or −1) and in whole turns of the
-        revolute joints. If the spin is free, each of them has the spin with the smallest lower
-        bound on the duration.
+        revolute joints. If the spin is free, each of them has the spin for which the lower bound of
+        the duration is smallest.
 
         Returns
         -------
@@ -117,12 +123,13 @@ class JointsPlanner:
         return [q for q in ends if not np.array_equal(q, present)]
 
     def spin_alternatives(self, q: Array) -> tuple[Array, Array]:
-        """Return joint positions that differ from q (4,) by a free spin, and their lower bounds.
+        """Return joint positions that differ from given ones only in the spin, with lower bounds.
 
-        In the first three rows, joint 3 has its angle in q, its angle at the start of the phase,
-        and the angle at which it comes to a stop. The other rows divide the turn about the start
-        into steps of two degrees. All angles are limited to the range of joint 3, and to the range
-        of the spin.
+        Joint 3 rotates the tool about its own axis, so only its angle changes. In the first three
+        rows, it has its angle in `q`, its angle at the start of the phase, and the angle at which
+        it comes to a stop from its velocity there. The other rows divide one turn, half of it on
+        either side of the start, into steps of two degrees. All angles are limited to the range of
+        joint 3, and to the range of the spin.
 
         Parameters
         ----------
@@ -139,11 +146,13 @@ class JointsPlanner:
         phase, problem = self.phase, self.problem
         low, high = problem.robot.joints[2].position
         start, speed = phase.q_start[2], phase.qd_start[2]
+        # Index 2 of the task coordinates is the spin. A change of joint 3 changes it equally.
         spin = task_from_joints(phase.mechanism, q[None], near=phase.start)[0, 2]
         ends = problem.ranges.get("spin", (-np.inf, np.inf))
         if ends[1] - ends[0] < 2 * np.pi:
             low = max(low, q[2] + ends[0] - spin)
             high = min(high, q[2] + ends[1] - spin)
+        # With the deceleration a, a joint with the velocity v stops after the distance v |v| / 2a.
         stop = start + speed * abs(speed) / (2 * problem.robot.joints[2].acceleration)
         turn = start + np.radians(np.arange(-180, 181, 2))
         values = np.clip([q[2], start, stop, *turn], low, high)
@@ -157,9 +166,9 @@ class JointsPlanner:
         return configurations, np.array(bounds)
 
     def _with_best_spin(self, q: Array) -> Array:
-        """Return the joint positions whose spin gives the smallest lower bound on the duration.
+        """Return the joint positions with the spin that has the smallest lower bound of duration.
 
-        Among several spins with the same bound, the one nearest to that of `q` is taken.
+        Of several spins with the same bound, the one nearest to that of `q` is taken.
 
         Parameters
         ----------
@@ -178,31 +187,31 @@ class JointsPlanner:
 
 @record
 class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
-    """A candidate (way to move): the problem with other joint positions at one target."""
+    """A candidate (way to move) that reaches one target with other joint positions."""
 
     problem: Problem
-    """The problem in which the target is given by its joints."""
+    """The problem in which these joint positions replace the target."""
     q: Array
-    """The joints at the target, (4,), rad and m."""
+    """The joint positions at the target, (4,), rad and m."""
     duration_bound: float
-    """Lower bound of the duration, s."""
+    """Lower bound of the duration of the whole problem, s."""
     only_spin_differs: bool = False
-    """True if only the spin differs from joints that were tried before."""
+    """True if joint positions that differ from `q` only in the spin were tried before."""
     kind: ClassVar[str] = "other joints"
 
     @property
     def bound(self) -> float:
-        """Duration that no motion with these joints can beat, s."""
+        """Duration of the whole problem that no motion with these joint positions can beat, s."""
         return self.duration_bound
 
     @classmethod
     def suggested(
         cls, planner: JointsPlanner, latest: Evaluation[JointsPlanner, MissionMotion] | None
     ) -> "Iterator[OtherJoints]":
-        """Yield other joint positions at the beginning, and other spins after each motion.
+        """Yield candidates at the beginning of the search, and more of them after each motion.
 
-        At the beginning they differ in the branch of the inverse kinematics and in whole turns. If
-        the spin is free, each certified motion suggests further spins.
+        Those at the beginning differ in the branch of the inverse kinematics and in whole turns. If
+        the spin is free, each motion that passes the check suggests further spins.
 
         Parameters
         ----------
@@ -215,9 +224,10 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         Yields
         ------
         OtherJoints
-            Candidates, at the beginning those with the smallest lower bounds first.
+            Candidates. At the beginning, those with the smallest lower bounds come first.
         """
         if latest is not None:
+            # Spins are not varied again around a candidate that is itself such a variation.
             if planner.spin_free and isinstance(latest.result, MissionMotion):
                 assert isinstance(latest.candidate, OtherJoints)
                 if not latest.candidate.only_spin_differs:
@@ -240,11 +250,11 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
 
     @classmethod
     def _rescues(cls, planner: JointsPlanner, options: "list[OtherJoints]") -> "list[OtherJoints]":
-        """Select a few candidates that may succeed where the nearest joints gave no motion.
+        """Select a few candidates that may succeed where the nearest joint positions have failed.
 
-        Of candidates with the same positions of joints 1 and 2 (the posture), only the one with the
-        smallest lower bound is kept. They differ in whole turns of joint 3, which change no load,
-        so where one of them fails, the others mostly fail too.
+        Of candidates with the same positions of joints 1 and 2 (the same posture), only the one
+        with the smallest lower bound is kept. The others differ in whole turns of joint 3, which do
+        not change the load of the motors, so they would mostly fail for the same reason.
 
         Parameters
         ----------
@@ -258,9 +268,11 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         list of OtherJoints
             At most `MAX_RESCUES` candidates.
         """
+        # Rounding to 1e-6 rad makes angles equal that differ only by rounding errors.
         postures: dict[tuple[float, ...], OtherJoints] = {}
         for option in options:
             postures.setdefault(tuple(option.q[:2].round(6)), option)
+        # The posture of the nearest joint positions has failed. Another spin might still succeed.
         if not planner.spin_free:
             postures.pop(tuple(planner.phase.points[-1, :2].round(6)), None)
         return list(postures.values())[:MAX_RESCUES]
@@ -269,9 +281,11 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     def _feasible_candidate(
         cls, planner: JointsPlanner, q: Array, *, only_spin_differs: bool = False
     ) -> "Iterator[OtherJoints]":
-        """Yield the candidate with given joints if it is feasible and may be shorter.
+        """Yield the candidate with given joint positions if it may give a shorter motion.
 
-        Its bound is the sum of the least durations of all phases.
+        Its lower bound is the sum of the least durations of all phases, or the requested duration
+        if that is longer. No candidate is yielded if simple checks exclude a motion, if the bound
+        exceeds the requested duration, or if it is not below the duration of the best motion.
 
         Parameters
         ----------
@@ -280,13 +294,14 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         q : (4,) array
             Joint positions at the target, rad and m.
         only_spin_differs : bool
-            True if joints that differ only in the spin were tried before.
+            True if joint positions that differ only in the spin were tried before.
 
         Yields
         ------
         OtherJoints
             At most one candidate.
         """
+        # For the test, the start is given by its joint positions, so that it has no alternatives.
         start = Joints.from_array(planner.phases[0].q_start)
         problem = _replace_target(unchecked_copy(planner.problem, start=start), *planner.target, q)
         try:
@@ -297,6 +312,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         bound = max(sum(phase.minimum_duration for phase in phases), requested)
         in_time = not requested or bound <= requested * (1 + EQUALITY_TOLERANCE)
         if phases and in_time and bound < planner.cutoff:
+            # The candidate has the original start again.
             problem = unchecked_copy(planner.problem, motion=problem.motion)
             yield cls(planner, problem, q, bound, only_spin_differs)
 
@@ -304,10 +320,11 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     def _candidates_with_other_spins(
         cls, planner: JointsPlanner, q: Array, motion: MissionMotion
     ) -> "Iterator[OtherJoints]":
-        """Yield three spins between those at which the motion to given joints may become faster.
+        """Yield candidates with other spins at which the motion to given joints may be faster.
 
-        These are the spins whose lower bound is below the known duration. The durations of the
-        other joints depend on joint 3 only through their load, so a coarse search suffices.
+        A spin may be faster if its lower bound is below the known duration. Three spins, evenly
+        spaced between the outermost of these, are tried. Such a coarse search suffices, because the
+        other joints depend on joint 3 only through their load.
 
         Parameters
         ----------
@@ -316,39 +333,42 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         q : (4,) array
             Joint positions at the target, rad and m.
         motion : MissionMotion
-            The certified motion with these joints.
+            The motion of the problem with these joint positions, which has passed the check.
 
         Yields
         ------
         OtherJoints
             At most three candidates.
         """
+        # Durations of the phases that end at q, of which the first one counts.
         durations = (
             item.duration for item in motion.phases if np.array_equal(item.phase.points[-1], q)
         )
         configurations, bounds = planner.spin_alternatives(q)
         spins = configurations[bounds < next(durations, 0.0) * (1 - GAP), 2]
         if planner.motion.duration is None and spins.size:
+            # Without both ends of the interval, at which the lower bound leaves little to gain.
             for spin in np.linspace(spins.min(), spins.max(), 5)[1:-1]:
                 yield from cls._feasible_candidate(
                     planner, np.array([*q[:2], spin, q[3]]), only_spin_differs=True
                 )
 
     def estimate(self, cutoff: float) -> MissionMotion | Reason | None:
-        """Estimate the duration of the problem by the structured solver alone.
+        """Estimate the duration of the problem by the structured solver alone, without Ipopt.
 
-        Joints reverse only where they must. Ranges of friction and payload are left out, because
-        they make each solve slower.
+        The estimate lets joints reverse only where they must. It ignores ranges of friction and
+        payload, because these make the solver slower. The method also reports progress.
 
         Parameters
         ----------
         cutoff : float
-            Duration in s from which on a motion is of no use.
+            Duration in s. A motion that takes at least as long is of no use.
 
         Returns
         -------
         MissionMotion or Reason
-            The duration without motions. A reason if the duration is not shorter than `cutoff`.
+            The duration, without the motions of the phases. A reason if the duration is not shorter
+            than `cutoff`.
         """
         self.planner.report()
         nominal = unchecked_copy(self.problem, friction=None, payload=None)
@@ -358,9 +378,19 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         return Reason(message="no shorter motion is expected")
 
     def solution(self, cutoff: float, estimate: MissionMotion | None) -> MissionMotion | Reason:
-        """Return the motion of the whole problem if it passes the independent check, or a reason.
+        """Plan the whole problem, and check its motion independently.
 
-        Neither argument is used, because `plan` computes the complete motion anew.
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s. It is not used, because `plan` computes the complete motion.
+        estimate : MissionMotion or None
+            The estimate. It is not used, because it contains no motion.
+
+        Returns
+        -------
+        MissionMotion or Reason
+            The motion that has passed the check, or the reason why there is none.
         """
         return self.planner.plan(self.problem)
 
@@ -375,15 +405,16 @@ def _replace_target(problem: Problem, entry: int, index: int, q: Array) -> Probl
     entry : int
         Index of the free motion in the motion list.
     index : int
-        Index of the target among the via points and the end of that motion.
+        Index of the target in that motion. Its targets are the via points and the end, in this
+        order.
     q : (4,) array
         Joint positions, rad and m.
 
     Returns
     -------
     Problem
-        The problem, which is not validated again. If the end of the motion is replaced, its spin is
-        no longer free.
+        The changed problem, which is not validated again. If the end of the motion is replaced, its
+        spin is no longer free.
     """
     motion = problem.motion[entry]
     assert isinstance(motion, Free)

@@ -1,9 +1,10 @@
-"""Free motions on which joints reverse between the points because this saves time.
+"""Free motions on which joints reverse between the given points to save time.
 
-The direct motion is the one whose joints reverse only where they must. If it has no via points, its
-Lagrange multipliers suggest the reversals (`reversals.py`). If it has via points (given points
-between start and end), closed forms suggest velocities at these points. A joint that passes its
-point at such a velocity must reverse before or after it (`via_velocities.py`).
+The planner chooses the path of a free motion. It first computes the direct motion, whose joints
+reverse only where they must. If there are no via points (given points between start and end), the
+Lagrange multipliers of the direct motion suggest further reversals (`reversals.py`). If there are
+via points, closed forms suggest velocities at these points. A joint that passes a via point at such
+a velocity must reverse before or after it (`via_velocities.py`).
 """
 
 from collections.abc import Iterator
@@ -24,14 +25,18 @@ from ssm_planner.problem import Duration, Free
 from ssm_planner.typing import record
 
 NO_SAVING = Reason(message="no reversal saves time")
+"""Reason of a candidate whose reversals do not shorten the direct motion enough."""
 
 
 @record
 class Reversing(PhaseCandidate):
-    """A free motion with additional reversals, found from the direct motion."""
+    """A free motion with more reversals than necessary, which the direct motion suggests."""
 
     unreversed: PhaseSolution | None
-    """The direct motion. None if the direct motion takes longer than the requested duration."""
+    """The direct motion, whose joints reverse only where they must.
+
+    None if it takes longer than the requested duration.
+    """
 
     kind: ClassVar[str] = "reversing"
 
@@ -39,11 +44,11 @@ class Reversing(PhaseCandidate):
     def suggested(
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if reversals can shorten the direct motion enough.
+        """Yield the candidate if reversals may shorten the direct motion enough.
 
-        This is the case if the estimate of the direct motion exceeds its lower bound by `GAP` (by
-        `MIN_SAVING` at via points), or if the direct motion takes longer than the requested
-        duration.
+        This is possible if the estimated duration of the direct motion exceeds its lower bound by a
+        share of `GAP`, or of `MIN_SAVING` if there are via points. The candidate is also yielded if
+        the direct motion takes longer than the requested duration.
 
         Parameters
         ----------
@@ -72,11 +77,15 @@ class Reversing(PhaseCandidate):
     def _reverse_beside_points(self) -> PlannedPhase | Reason:
         """Return a motion on which joints reverse just before or after the via points.
 
-        Without such a reversal, a joint that reverses at a via point must stop there. With it, the
-        joint passes the point at speed and reverses beyond it, or it first moves backwards in order
-        to accelerate towards the point (a run-up).
-        The result is `NO_SAVING` unless the motion is shorter than the motion without these
-        reversals by at least the fraction `MIN_SAVING` of its duration.
+        A joint that reverses exactly at a via point must stop there. It may save time to pass the
+        point at speed and to reverse beyond it, or to move backwards before the point in order to
+        accelerate towards it.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion. `NO_SAVING` if the motion is not shorter than the direct one
+            by the share `MIN_SAVING` of its duration.
         """
         borders = suggest_via_velocities(self.planner.phase)
         if borders is None:
@@ -86,15 +95,17 @@ class Reversing(PhaseCandidate):
         return result if isinstance(result, Reason) or result.duration < cutoff else NO_SAVING
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
-        """Return the fastest motion with the reversals that the multipliers suggest.
+        """Return the fastest motion with the reversals that the Lagrange multipliers suggest.
 
-        It is solved on a coarse mesh, without Ipopt's confirmation.
+        The multipliers tell how much time a joint would save by moving against its direction
+        (`reversals.py`). The motion is solved on a coarse mesh, without Ipopt's confirmation.
 
         Parameters
         ----------
         cutoff : float
-            Duration in s from which on a motion is of no use. This kind does not read it, because
-            each round of the search for reversals compares with the motion of the previous round.
+            Duration in s. A motion that takes at least as long is of no use. The method does not
+            use it, because each round of `refine_directions` has a cutoff of its own, which follows
+            from the motion of the previous round.
 
         Returns
         -------
@@ -108,7 +119,11 @@ class Reversing(PhaseCandidate):
         quick = planner.without_duration
 
         def solve(borders: Borders, limit: float) -> PhaseSolution | None:
-            """Return the fastest motion with reversals at `borders`, or None without a motion."""
+            """Return the fastest motion whose joints reverse only at `borders`, or None.
+
+            None means that there is no motion. The solver may give up on a motion that takes longer
+            than `limit`, in s.
+            """
             result = quick.free(borders, cutoff=limit, count=DEFAULT_ELEMENTS)
             return None if isinstance(result, Reason) else result.motion
 
@@ -119,16 +134,16 @@ class Reversing(PhaseCandidate):
         return PlannedPhase(planner.phase, faster, planner.phase.lower_bound)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motion for the objective, with the reversals of the estimate.
+        """Return the motion that is best for the objective, with the reversals of the estimate.
 
-        It is solved on a finer mesh than the estimate. With the planner `fast` and the objective
-        `time`, the estimate itself is the solution if the finer mesh gives no motion, or one that
-        is longer than `cutoff`.
+        It is solved on a mesh with twice as many elements as that of the estimate. With the planner
+        `fast` and the objective `time`, the estimate is the solution if the finer mesh gives no
+        motion, or one that is longer than `cutoff`.
 
         Parameters
         ----------
         cutoff : float
-            Duration in s from which on a motion is of no use.
+            Duration in s. A motion that takes at least as long is of no use.
         estimate : PlannedPhase or None
             The motion that the method `estimate` returned. None for a phase with via points.
 
@@ -149,7 +164,16 @@ class Reversing(PhaseCandidate):
 
 
 def _applies(planner: PhasePlanner) -> bool:
-    """Return True for a free motion through via points, or from rest to rest."""
+    """Return True if joints may reverse on the motion of a phase where they need not.
+
+    The motion must be free, so that the planner chooses its path. It must also have via points, or
+    begin and end at rest. Finally, the planner must allow reversals.
+
+    Parameters
+    ----------
+    planner : PhasePlanner
+        The phase (an entry of the motion list with its joint positions) and its solvers.
+    """
     phase = planner.phase
     passes_or_rests = len(phase.points) > 2 or phase.begins_and_ends_at_rest
     return planner.may_reverse and isinstance(phase.motion, Free) and passes_or_rests

@@ -1,7 +1,7 @@
-"""Motions that begin at speed, split into a stop in closed form and a motion from rest.
+"""Motions of a robot that already moves: first a stop, then a motion from rest.
 
-The stop is computed in milliseconds and cannot fail to converge. A robot that is already moving
-therefore gets a motion even if the solvers find no direct one.
+The stop has a closed form, which takes milliseconds and needs no iterations. A robot that already
+moves therefore gets a motion even if the solvers find no direct one.
 """
 
 from collections.abc import Iterator
@@ -28,22 +28,26 @@ from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, record
 
 STOP_DISTANCE_FACTOR = 1.1
-"""Ratio of the planned to the shortest stopping distance of joints without jerk limits.
+"""Distance in which joints without jerk limits stop, divided by their shortest distance.
 
-With the shortest distance, full braking would be the only motion without an overshoot. The margin
-leaves the solver a choice, for example if a motor cannot brake as hard as its joint may.
+If the target were at the shortest distance, full braking would be the only motion that does not
+pass the target. The longer distance leaves the solver a choice, for example if a motor cannot brake
+as hard as its joint may.
 """
 ACCELERATION_SHARES = (1.0, 0.5, 0.25, 0.1)
-"""Shares of the acceleration limits with which the joints stop, tried in this order.
+"""Shares of the acceleration limits with which the joints brake, tried in this order.
 
-Weak motors with heavy rotors cannot brake as hard as the limits of the joints allow. The first
-share with which a stop keeps all limits is taken.
+The first share with which the stop keeps all limits is taken. Smaller shares are for weak motors
+with heavy rotors, which cannot brake as hard as the limits of the joints allow.
 """
 
 
 @record
 class StopFirst(InParts):
-    """A free motion that begins at speed: first a stop, then a motion from rest to the target."""
+    """A free motion that begins at speed, with a stop first and then a motion from rest.
+
+    It serves if no direct motion was found. The planner chooses the path of a free motion.
+    """
 
     kind: ClassVar[str] = "stop first"
     label: ClassVar[str] = "stops first"
@@ -52,15 +56,41 @@ class StopFirst(InParts):
     def suggested_after_failure(
         cls, planner: PhasePlanner, reason: Reason
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if the free phase begins at speed."""
+        """Yield the candidate if the path is not given and the motion begins at speed.
+
+        Parameters
+        ----------
+        planner : PhasePlanner
+            The phase (an entry of the motion list with its joint positions) and its solvers.
+        reason : Reason
+            Reason why the direct motion was not found. It is not used, because this kind may help
+            in any case.
+
+        Yields
+        ------
+        PhaseCandidate
+            At most one candidate.
+        """
         if planner.phase.path is None and planner.phase.qd_start.any():
             yield cls(planner)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return both motions joined into one, or the reason why one of them was not found.
+        """Return the stop and the motion after it, joined into one motion.
 
-        The motion after the stop may also be a line in task coordinates, or move some joints first.
-        Neither argument is used, because this kind of candidate has no estimate.
+        The motion after the stop may be of any kind that can begin at rest, also a line in task
+        coordinates, or one in which some joints move before the others.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s. It is not used, because both parts are always planned completely.
+        estimate : PlannedPhase or None
+            None, because this kind of candidate has no estimate.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why there is no stop or no motion after it.
         """
         stop = self._stop()
         if stop is None:
@@ -68,9 +98,9 @@ class StopFirst(InParts):
         return self._append_part(stop, _remaining_phase(self.planner.phase, stop), TaskLine, InTurn)
 
     def _stop(self) -> PhaseSolution | None:
-        """Return the quickest stop that keeps all limits, with the first possible acceleration.
+        """Return the quickest stop that keeps all limits.
 
-        `ACCELERATION_SHARES` lists the accelerations that are tried.
+        The stops with the accelerations of `ACCELERATION_SHARES` are tried in turn.
 
         Returns
         -------
@@ -95,8 +125,8 @@ def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
     Returns
     -------
     Phase
-        Phase from rest, from the end of the stop through the remaining points. The robot rests in
-        it if the stop ends at the only remaining point.
+        Phase that begins at rest where the stop ends, and leads through the remaining points. If
+        the stop ends at the only remaining point, the robot rests in this phase.
     """
     end = stop.trajectory.positions(stop.breaks[-1:])
     points = np.vstack([end, phase.points[1:]])
@@ -106,7 +136,7 @@ def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
 
 
 def _stop_in_closed_form(robot: Robot, phase: Phase, share: float) -> PhaseSolution | None:
-    """Build a stop in closed form, as a motion of the phase. Each joint stops as soon as it can.
+    """Build the motion in which each joint stops as soon as it can, and check its limits.
 
     Parameters
     ----------
@@ -120,16 +150,18 @@ def _stop_in_closed_form(robot: Robot, phase: Phase, share: float) -> PhaseSolut
     Returns
     -------
     PhaseSolution or None
-        None if a limit forbids the stop, or a place between its end and the target.
+        The stop. None if a limit forbids the stop itself, or one of the points that follow it.
     """
     curves = stopping_curves(robot, phase.qd_start, phase.qdd_start, share)
     switches = np.unique(
         np.concatenate([curve.switching_times for curve in curves if curve is not None])
     )
+    # Instants at which the acceleration of any joint changes, without repetitions by rounding.
     instants = switches[np.append(True, np.diff(switches) > ROUNDING_TOLERANCE)]
     guess = sample_curves(phase.q_start, curves, instants.tolist(), density=0.0, least_count=1)
     motion, middle = guess.motion, guess.elements.evaluate(0.5)
-    # Rounding gives joints at rest a small velocity.
+    # Directions of the joints in the middle of each piece. Rounding gives joints at rest a small
+    # velocity, which must not count as motion.
     signs = np.sign(np.round(middle[1] / robot.velocities, 9))
     path = MotionPath(phase.mechanism, motion, motion.breaks / motion.duration, signs)
     stop = PhaseSolution(
@@ -146,14 +178,24 @@ def _stop_in_closed_form(robot: Robot, phase: Phase, share: float) -> PhaseSolut
 
 
 def stopping_point(robot: Robot, q: Array, qd: Array, qdd: Array) -> Array:
-    """Return the joint positions (4,) at which a robot can stop, within the joint ranges.
+    """Return joint positions at which a moving robot can come to rest soon.
+
+    A joint with a jerk limit stops in its shortest distance. The other joints have
+    `STOP_DISTANCE_FACTOR` times this distance. Positions outside of the range of a joint are moved
+    to its end.
 
     Parameters
     ----------
     robot : Robot
         The robot.
     q, qd, qdd : (4,) arrays
-        Joint positions, velocities and accelerations at the beginning, rad, m and s.
+        Joint positions, velocities and accelerations at the beginning, in rad, rad/s and rad/s²
+        (joint 4: m, m/s and m/s²).
+
+    Returns
+    -------
+    (4,) array
+        Joint positions, rad and m.
     """
     curves = stopping_curves(robot, qd, qdd)
     distances = [0.0 if curve is None else curve.distance for curve in curves]

@@ -1,7 +1,8 @@
 """Motions along a straight line in task coordinates, in place of a free motion.
 
-The program along a given path has one unknown function instead of four. It may converge where the
-program of the free motion fails.
+Task coordinates are roll, tilt, spin and depth of the tool. The planner chooses the path of a free
+motion. Along a given path, only the timing is unknown, so the optimisation problem has one unknown
+function instead of four. The solver may find a motion there where it finds no free motion.
 """
 
 from collections.abc import Iterator
@@ -19,9 +20,9 @@ from ssm_planner.typing import record
 
 @record
 class TaskLine(FallbackCandidate):
-    """The motion along a straight line in task coordinates to the target of a free motion.
+    """A motion along a straight line in task coordinates to the target of a free motion.
 
-    It serves if no free motion, whose path the solver chooses, was found.
+    It serves if the solver has found no free motion, whose path it may choose.
     """
 
     line: Phase
@@ -33,16 +34,18 @@ class TaskLine(FallbackCandidate):
     def suggested_after_failure(
         cls, planner: PhasePlanner, reason: Reason
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if the free motion may be replaced by a line.
+        """Yield the candidate if a line in task coordinates may replace the free motion.
 
-        The phase must be free and must move, and no limit may forbid a place on the line.
+        The path of the phase must not be given, the robot must move in it, and no limit may forbid
+        a position on the line.
 
         Parameters
         ----------
         planner : PhasePlanner
             The phase (an entry of the motion list with its joint positions) and its solvers.
         reason : Reason
-            Reason why the direct motion was not found. It is not used.
+            Reason why the direct motion was not found. It is not used, because a line may help in
+            any case.
 
         Yields
         ------
@@ -56,8 +59,22 @@ class TaskLine(FallbackCandidate):
                 yield cls(planner, line)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motion along the line."""
+        """Return the motion along the line.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s. It is not used, because the direct motion, the faster one, has failed.
+        estimate : PlannedPhase or None
+            None, because this kind of candidate has no estimate.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why there is none. The reason names no limit.
+        """
         assert self.line.path is not None
         result = replace(self.planner, phase=self.line).along_path(self.line.path)
-        # The limit that forbids the line need not forbid other motions, so the reason names none.
+        # The limit that forbids the line need not forbid other motions, so the reason must not name
+        # it as the cause of the failure.
         return replace(result, limit=None) if isinstance(result, Reason) else result
