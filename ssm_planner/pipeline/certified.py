@@ -1,8 +1,8 @@
 """Planning with an independent check of the motion.
 
-`plan_and_check` plans a problem and checks the motion with the package `verification`, which shares
-no code with the planner. After a failed check, the limits that the motion exceeds are tightened by
-their excess, and the problem is planned again, up to `MAX_PLANNING_ROUNDS` times.
+`plan_and_check` plans a problem and checks the motion with the package `verification`, which
+evaluates every limit without the planner. If the motion exceeds limits, they are made stricter, and
+the problem is planned again, up to `MAX_PLANNING_ROUNDS` times.
 """
 
 from collections.abc import Callable
@@ -28,17 +28,18 @@ from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
 MAX_PLANNING_ROUNDS = 4
-"""Largest number of rounds of planning and checking.
+"""Largest number of times that a problem is planned and checked, with stricter limits each time.
 
-In all known problems, a fourth round failed if the third one failed.
+In all known problems, the fourth round failed whenever the third one had failed.
 """
 
 
 @record
 class Outcome:
-    """A planned motion with its certificate, or the reason why there is no certified motion.
+    """A planned motion with the result of its check, or the reason why there is no motion.
 
-    The certificate is the result of the independent check of all limits.
+    A motion is certified if it has passed the independent check of all limits. Its certificate is
+    the result of this check.
     """
 
     planned: PlannerResult
@@ -46,7 +47,7 @@ class Outcome:
     certificate: Certificate | None
     """Result of the check. None without a motion."""
     reason: Reason | None
-    """Why the motion failed the check, or why there is none. None if it passed."""
+    """Why the motion failed the check, or why there is no motion. None if a motion passed."""
 
     @property
     def passed(self) -> bool:
@@ -63,8 +64,9 @@ class Outcome:
     def excess_heat(self) -> float | None:
         """Relative excess of heat of the hottest motor, (RMS torque / continuous torque)² − 1.
 
-        It is negative if no motor gets too hot. None if there is no certificate, if the motion
-        exceeds another limit, or if no motor is checked for heat.
+        The heat of a motor is proportional to its squared RMS torque. The excess is negative if no
+        motor gets too hot. It is None if there is no certificate, if the motion exceeds another
+        limit, or if no motor is checked for heat.
         """
         certificate = self.certificate
         if certificate is None:
@@ -92,32 +94,34 @@ def plan_and_check(
 ) -> Outcome:
     """Plan a motion for a problem and check it independently.
 
-    If the check finds that the motion exceeds a limit, the limit is tightened by the excess, and
-    the problem is planned again, up to `MAX_PLANNING_ROUNDS` times.
+    If the check finds that the motion exceeds a limit, the planner gets a stricter limit and plans
+    again, up to `MAX_PLANNING_ROUNDS` times. The check always uses the original limits.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     work : Work
-        Counter of the work of all solvers.
+        Counter of the work of all solvers, to which this function adds.
     progress : callable
         Called with a message for each step.
     on_motion : callable
         Called with each motion before its check.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time in the objective. None: heat does not count.
+        Weights of the motors' heat in the objective, s. A weight is the duration that is worth one
+        second of the motor at its nominal torque. None: heat does not count.
     may_overheat : bool
-        True if a motion is planned even if every motion makes a motor too hot.
+        True if a motion is planned even if every possible motion makes a motor too hot.
 
     Returns
     -------
     Outcome
-        The last motion, with its certificate, and with the reason if it failed.
+        The last motion with its certificate, and with a reason if it failed the check.
     """
     strict = problem
     for round_number in range(1, MAX_PLANNING_ROUNDS + 1):
-        # The planner gets both the robot itself and the robot with stricter limits.
+        # The motion must keep the limits of the stricter robot. The points of the problem need only
+        # keep those of the original robot, so the planner gets both.
         result = plan_motion(
             unchecked_copy(strict, robot=problem.robot),
             strict.robot,
@@ -146,14 +150,15 @@ def check_result(problem: Problem, result: PlannerResult) -> Outcome:
     Parameters
     ----------
     problem : Problem
-        The problem with its limits.
+        The problem with its original limits.
     result : PlannerResult
-        Result of the planner.
+        Result of the planner, with a motion or with the reason why there is none.
 
     Returns
     -------
     Outcome
-        The motion with its certificate. Without a motion, the outcome has the planner's reason.
+        The motion with its certificate, and with a reason if it failed the check. Without a motion,
+        the outcome has the planner's reason.
     """
     if result.trajectory is None:
         return Outcome(result, None, result.reason)
@@ -163,23 +168,24 @@ def check_result(problem: Problem, result: PlannerResult) -> Outcome:
 
 
 def tighten_limits(problem: Problem, certificate: Certificate) -> Problem | None:
-    """Return the problem with stricter limits, after a check has found limits exceeded.
+    """Make the limits stricter that a planned motion exceeds.
 
     The planner evaluates most limits at fewer instants than the check, so a motion may exceed a
-    limit between these instants. Each limit that is exceeded is tightened by its excess.
+    limit between these instants. How much stricter a limit becomes depends on the excess
+    (`Limit.tightened`).
 
     Parameters
     ----------
     problem : Problem
-        The problem that was planned.
+        The problem as it was planned. Its limits may already be stricter than the original ones.
     certificate : Certificate
         Result of the check with the original limits.
 
     Returns
     -------
     Problem or None
-        None if no exceeded limit can be tightened, or if a point of the problem exceeds a stricter
-        limit.
+        The problem with the stricter limits. None if none of the exceeded limits can be made
+        stricter, or if a point of the problem would exceed a stricter limit.
     """
     strict = problem
     for violation in certificate.violations:
@@ -188,14 +194,15 @@ def tighten_limits(problem: Problem, certificate: Certificate) -> Problem | None
         if stricter is not None:
             try:
                 strict = stricter.on(strict)
-            # A point, or the port of the eye, lies between the old and the stricter bound.
+            # `on` refuses the limit if a point of the problem, or the port of the eye, lies between
+            # the old and the stricter bound.
             except ProblemError:
                 return None
     return None if strict is problem else strict
 
 
 def violation_reason(problem: Problem, certificate: Certificate) -> Reason:
-    """Return the reason for a failed check: the limit that the motion exceeds most.
+    """Describe why a motion failed the check, by the limit that it exceeds most.
 
     Parameters
     ----------
@@ -212,6 +219,7 @@ def violation_reason(problem: Problem, certificate: Certificate) -> Reason:
     """
     violation = certificate.worst
     limit = problem.limit(violation.name, violation.joint)
+    # Jumps of position, velocity and acceleration are not limits of a problem, so one is created.
     if violation.name in JUMP_NAMES and violation.joint is not None:
         limit = Jump(violation.joint, violation.limit, derivative=JUMP_NAMES.index(violation.name))
     joint = "" if violation.joint is None else f" of joint {violation.joint}"
@@ -235,7 +243,7 @@ def violation_reason(problem: Problem, certificate: Certificate) -> Reason:
             f"{violation.unit} against {available:.6g} {violation.unit} at {instant}; "
             "the motion is not written"
         )
-    # The limit is a lower bound here, so the found value is the available one.
+    # For a lower bound, the value of the motion is the available one, and the bound is required.
     if isinstance(limit, SelfLocking) or (limit is not None and limit.is_floor):
         required, available = available, required
     return Reason(limit, instant, required, available, text)

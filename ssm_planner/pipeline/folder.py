@@ -12,7 +12,10 @@ if TYPE_CHECKING:
     from ssm_planner.reporting.figures.process import FigureProcess
 
 NO_PLAN = "no_plan.html"
-"""Page in the folder of a problem without a certified motion. A later plan deletes it."""
+"""Name of the page that the folder contains if the problem has no certified motion.
+
+`write_folder` deletes it when there is a plan.
+"""
 
 
 def write_folder(
@@ -21,19 +24,19 @@ def write_folder(
     """Write the result folder of a plan.
 
     The folder contains plan.json, report.html, trajectory.csv, the figures and their manifest. All
-    files appear together when the last one is complete. Nothing is written for a plan without a
-    trajectory.
+    files appear in the folder together, when the last one is complete. Nothing is written for a
+    plan without a trajectory.
 
     Parameters
     ----------
     plan : Plan
         The plan.
     folder : Path
-        The folder.
+        The folder. It is created if it does not exist.
     drawer : FigureProcess, optional
-        Process that already draws the figures. By default, this process draws them.
+        Another process, which already draws the figures. By default, this process draws them.
     rate : float, optional
-        Rows per second of trajectory.csv, Hz. By default, `write_csv` chooses the rate.
+        Rows of trajectory.csv per second, Hz. By default, `write_csv` chooses the rate.
 
     Returns
     -------

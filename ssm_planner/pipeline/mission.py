@@ -1,11 +1,11 @@
 """Search for the fastest certified motion over all joint positions that reach the targets.
 
-Several joint positions reach a target of a free motion that is given in task coordinates, or as a
-position of the tip. They are called alternatives. The problem is first planned with the nearest
-ones. `plan_mission` then treats
-one target after the other and searches the fastest motion of the whole problem among other joint
-positions there. `planning/candidates/other_joints.py` contains these candidates, and
-`planning/search.py` the search.
+A motion is certified if it has passed the independent check of all limits. Several joint positions
+reach a target of a free motion that is given in task coordinates, or as a position of the tip. The
+problem is first planned with the nearest ones. The others are called alternatives. `plan_mission`
+treats one target after the other, and searches for the alternative there that makes the motion of
+the whole problem fastest. Each alternative is a candidate of the search in `planning/search.py`.
+`planning/candidates/other_joints.py` contains these candidates.
 """
 
 from collections.abc import Callable
@@ -28,10 +28,10 @@ from ssm_planner.problem import Free, Joints, Problem
 from ssm_planner.progress import Progress, Step, silent
 
 MAX_TARGETS = 8
-"""Largest number of targets in a problem whose alternatives are searched.
+"""Largest number of targets in a problem for which other joint positions are tried.
 
-Each alternative changes the motion to all later targets, so the work grows with the square of the
-number of targets.
+Other joint positions at one target change the motions to all later targets. The work therefore
+grows with the square of the number of targets.
 """
 
 
@@ -44,33 +44,36 @@ def plan_mission(
     stoppable: bool = False,
     first_suffices: bool = False,
 ) -> tuple[Outcome, Problem, bool]:
-    """Return the shortest certified motion over all joint positions that reach the targets.
+    """Search the fastest certified motion over all joint positions that reach the targets.
 
-    Several joint positions reach a target in task coordinates, or of the tip. The problem is
-    planned with the nearest ones first. The others, called alternatives, are then tried at one
-    target after the other. A motion is certified if it has passed the independent check.
+    A motion is certified if it has passed the independent check. Several joint positions reach a
+    target that is given in task coordinates or as a position of the tip. The problem is planned
+    with the nearest ones first. The others, called alternatives, are then tried at one target after
+    the other.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     plan : callable
-        Plans and checks a problem.
+        Function that plans and checks a problem.
     work : Work
-        Counter of the work of `plan`.
+        Counter of the work of `plan`. The search ends after the work `SEARCH_BUDGET`.
     progress : callable
         Called with a message for every alternative, which states the best duration so far.
     stoppable : bool
-        True if the first Ctrl-C ends the search as soon as there is a certified motion.
+        True if the first Ctrl-C during the search ends it with the best motion so far. This
+        requires that the nearest joint positions give a certified motion.
     first_suffices : bool
         True if the search ends with the first certified motion.
 
     Returns
     -------
     outcome : Outcome
-        The best motion. Its `candidates` (ways to move that were tried) include the alternatives.
+        The fastest certified motion, or the failure if there is none. The `candidates` (ways to
+        move that were tried) of its field `planned` include the alternatives.
     problem : Problem
-        The problem with the joints of that motion as targets.
+        The problem of that motion, in which joint positions replace some targets.
     stopped : bool
         True if Ctrl-C ended the search.
     """
@@ -86,6 +89,8 @@ def plan_mission(
     stoppable = stoppable and search.best.passed
     search.hint = "; Ctrl-C takes it" if stoppable else ""
     with first_interruption() if stoppable else nullcontext(lambda: False) as came:
+        # `came` tells whether the user has pressed Ctrl-C in this block. An interruption that it
+        # does not know of ends the program.
         try:
             search.run()
         except KeyboardInterrupt:
@@ -101,13 +106,14 @@ def plan_mission(
 class _Search:
     """Search over other joint positions at the targets of free motions, one target after the other.
 
-    The fields `best` and `best_problem` change whenever a shorter certified motion is found.
+    Other joint positions at a target are called alternatives. The fields `best` and `best_problem`
+    change whenever an alternative gives a faster certified motion.
     """
 
     problem: Problem
-    """The problem as it was requested."""
+    """The problem as the user requested it."""
     plan: Callable[[Problem], Outcome]
-    """Plans and checks a problem."""
+    """Function that plans and checks a problem."""
     work: Work
     """Counter of the work of `plan`."""
     progress: Progress
@@ -115,19 +121,24 @@ class _Search:
     first_suffices: bool
     """True if the search ends with the first certified motion."""
     best: Outcome
-    """The shortest certified motion so far, or the failure of the first attempt."""
+    """The fastest certified motion so far, or the failure of the first attempt."""
     best_problem: Problem
     """The problem of that motion, in which joint positions replace some targets."""
     hint: str = ""
-    """End of the messages, which says how the user can stop the search."""
+    """End of the progress messages, which says how the user can stop the search. It may be empty.
+    """
     entries: dict[int, list[CandidateEntry]] = field(default_factory=dict)
-    """Alternatives by the index of their phase, as the entries of `candidates` in plan.json."""
+    """Alternatives that were tried, as entries of `candidates` in plan.json.
+
+    The keys are the indices of the phases (entries of the motion list) that lead to the targets.
+    """
 
     @property
     def outcome(self) -> Outcome:
-        """The best motion. Its candidates (ways to move) include all alternatives."""
+        """The best motion, with all alternatives added to its candidates (ways to move)."""
         planned = self.best.planned
         candidates = list(planned.candidates)
+        # A failed plan may lack the candidates of later phases.
         candidates += [()] * (max(self.entries, default=-1) + 1 - len(candidates))
         for k, alternatives in self.entries.items():
             candidates[k] += tuple(alternatives)
@@ -136,9 +147,10 @@ class _Search:
     def run(self) -> None:
         """Search until no faster motion is expected, or until the work budget is spent.
 
-        Alternatives (other joint positions at a target) are planned without Ipopt's confirmation.
-        Ipopt confirms the best of them at the end. If the confirmed motion is longer by more than
-        the share `GAP`, the unconfirmed one remains.
+        The method changes `best` and `best_problem`. Alternatives (other joint positions at a
+        target) are planned without Ipopt's confirmation. Ipopt confirms the best of them at the
+        end. If the motion that Ipopt confirms is longer by at least the share `GAP`, the
+        unconfirmed motion remains.
         """
         problem, limit = self.problem, self.work.spent + SEARCH_BUDGET
         for target in [] if eye_forbids_target(problem) else open_targets(problem):
@@ -151,29 +163,43 @@ class _Search:
                 self.best = confirmed
 
     def _search(self, target: tuple[int, int], limit: float) -> None:
-        """Search over the joint positions at one target, and remember the best motion.
+        """Search over the joint positions at one target.
+
+        The method changes `best` and `best_problem` if it finds a faster certified motion, and adds
+        the joint positions that were tried to `entries`.
 
         Parameters
         ----------
         target : (int, int)
-            Index of the free motion in the motion list, and index among its targets. These are the
-            points between start and end, and the end.
+            Index of the free motion in the motion list, and index of the target in that motion. Its
+            targets are the via points and the end, in this order.
         limit : float
-            Work at which the search ends (`Work.spent`).
+            Value of `Work.spent` at which the search ends.
         """
         problem, best = self.best_problem, self.best
         phases = _phases_to_search(problem)
         name, number = problem.motion[target[0]].name, count(1)
 
         def report() -> None:
-            """Report the next attempt and the best duration so far."""
+            """Report the next attempt with its number, and the best duration so far."""
             found = f", {self.best.duration:.4f} s so far{self.hint}" if self.best.passed else ""
             self.progress(Step(f"other joints for {name}, attempt {next(number)}{found}"))
 
         def plan(alternative: Problem) -> MissionMotion | Reason:
-            """Plan an alternative, and remember its motion if it is the shortest so far.
+            """Plan and check an alternative, and remember its motion if it is the fastest so far.
 
-            Differences below the share `GAP` are too small to count.
+            The motion replaces `best` only if it is shorter by the share `GAP`. The candidates of
+            the search call this function.
+
+            Parameters
+            ----------
+            alternative : Problem
+                The problem with other joint positions at the target.
+
+            Returns
+            -------
+            MissionMotion or Reason
+                The certified motion, or the reason why there is none.
             """
             outcome = self.plan(with_fast_planner(alternative))
             if outcome.reason is not None:
@@ -191,6 +217,7 @@ class _Search:
             planner,
             self.work,
             best.duration * (1 - GAP),
+            # With a gap of 1, the first certified motion ends the search.
             gap=1.0 if self.first_suffices else GAP,
             budget=limit - self.work.spent,
         )
@@ -200,7 +227,7 @@ class _Search:
 
 
 def open_targets(problem: Problem) -> list[tuple[int, int]]:
-    """Return the targets of free motions that are not given as joint positions.
+    """List the targets of free motions that are not given as joint positions.
 
     Parameters
     ----------
@@ -210,8 +237,9 @@ def open_targets(problem: Problem) -> list[tuple[int, int]]:
     Returns
     -------
     list of (int, int)
-        Index of the motion in the motion list, and index among its via points and its end. Empty if
-        there are more than `MAX_TARGETS` targets.
+        For each target, the index of its motion in the motion list, and the index of the target in
+        this motion. The targets of a motion are its via points and its end, in this order. The list
+        is empty if there are more than `MAX_TARGETS` targets.
     """
     result = [
         (entry, index)
@@ -224,16 +252,22 @@ def open_targets(problem: Problem) -> list[tuple[int, int]]:
 
 
 def _phases_to_search(problem: Problem) -> tuple[Phase, ...]:
-    """Return the phases of the problem, even if geometry forbids all of its start configurations.
+    """Build the phases from which the search for other joint positions at the targets begins.
 
-    A start configuration is one of the joint positions that reach a start in task coordinates. If a
-    limit forbids a place with each of them, the phases are those of the first one. The search for
-    other joint positions at the targets needs them.
+    A phase is an entry of the motion list with its joint positions. Several joint positions may
+    reach the start of the problem. The first ones are taken with which no limit forbids a point of
+    the problem. If a limit forbids a point with each of them, the first ones are taken anyway,
+    because other joint positions at a target may avoid the limit.
 
     Parameters
     ----------
     problem : Problem
         The problem.
+
+    Returns
+    -------
+    tuple of Phase
+        The phases in the order of the motion list.
     """
     phases, _ = feasible_phases(problem)
     return phases or build_phases(problem, start_configurations(problem)[0])

@@ -1,9 +1,9 @@
-"""Search for the smallest change of limits that makes a problem solvable.
+"""Search for the smallest change of limits that gives a problem without a motion a motion.
 
-A *relaxation* is a limit with a weaker bound, a pause, or a lower rate at an end of the motion.
-`find_relaxation` starts from the reason of the failure, which names a limit and the value that the
-motion would need. Every change is rounded as it will be printed, and planned with this value before
-it is reported.
+Such a change is called a *relaxation*. It is a looser bound of a limit, a pause at the end of the
+motion, or lower rates at one end of it. `find_relaxation` starts from the reason of the failure,
+which names a limit and the value that the motion would need. Each change is rounded to the digits
+that are printed, and the problem is planned with the rounded value before the change is reported.
 """
 
 import math
@@ -32,34 +32,46 @@ from ssm_planner.typing import record
 from ssm_planner.units import display_unit
 
 CHANGE_FACTORS = (1.0, 1.1, 1.5, 3.0)
-"""Factors on the change that the reason asks for, tried in turn until there is a motion.
+"""Factors on the change that the reason of a failure asks for, tried in turn.
 
-If the first factor gives a motion, smaller changes are tried too.
+The first factor that gives a motion is taken. A bisection then tries smaller changes.
 """
 BISECTION_ACCURACY = 0.9
-"""The bisection ends when a motion is impossible with this share of the smallest change found.
+"""Largest change that gives no motion, divided by the smallest one that does, at the end.
 
-The reported change is thus at most about 11 % too large.
+The bisection ends when this ratio is reached. The reported change is thus at most 1 / 0.9, that is,
+about 11 %, larger than necessary.
 """
 TRIAL_SHARES = (0.1, 1.0)
-"""Shares by which limits are relaxed one by one if the reason names none that can be relaxed."""
+"""Shares of the change that each limit proposes (`Limit.trials`), tried in turn.
+
+They serve if the reason of the failure names no limit that can be relaxed.
+"""
 TRIAL_WORK = 0.1
-"""Work of a trial without its solves: the checks of the problem and the independent check."""
+"""Work (`Work.spent`) that a trial takes in addition to the solvers.
+
+It stands for the tests of the changed problem and the independent check of the motion.
+"""
 OFFERED_SHARES = (1.0, 1.5, 2.0, 3.0)
-"""Multiples of a relaxation that the page of a failed plan offers."""
+"""Multiples of a relaxation that the page of a failed plan offers to the user."""
 LIMITS_OF_END_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
 """Names of the limits that the velocity at an end of the motion can exceed."""
 
 End = Literal["start_rate", "end_rate"]
+"""Field of a problem with the rates of the task coordinates at one end of the motion."""
 Planner = Callable[[Problem], "float | Reason"]
-"""Returns the duration of a certified plan, or the reason of the failure."""
+"""Function that plans a problem. It returns the duration of a certified motion in s, or a reason.
+
+A motion is certified if it has passed the independent check.
+"""
 
 
 @record
 class Relaxation:
-    """A limit of a problem that may be changed from `present` to at least `needed`.
+    """A change of a problem that may make a motion possible, in steps of any size.
 
-    Subclasses change something else than a limit. Their value is not a bound then.
+    This class changes the bound of a limit from `present` towards `needed`. A *value* is a bound in
+    between or beyond. Subclasses change something else, and define what their value means.
     """
 
     base: Problem
@@ -67,7 +79,7 @@ class Relaxation:
     limit: Limit
     """The limit to be changed."""
     needed: float
-    """Bound of the limit that the motion needs at least, in SI units."""
+    """Bound with which the motion should become possible, in SI units."""
 
     @property
     def present(self) -> float:
@@ -77,17 +89,23 @@ class Relaxation:
     def value(self, share: float) -> float:
         """Return the bound after a share of the change from `present` to `needed`.
 
-        It is rounded as it will be printed. A share above 1 exceeds `needed`.
+        The share 0 gives `present`, and 1 gives `needed`. The bound is rounded to the digits that
+        are printed.
         """
         return self.limit.rounded(self.present + share * (self.needed - self.present))
 
     def problem(self, value: float) -> Problem:
-        """Return the problem with the limit at a value.
+        """Return the problem in which the limit has another bound.
+
+        Parameters
+        ----------
+        value : float
+            The bound in SI units, from the method `value`.
 
         Raises
         ------
         ValueError
-            If the limit cannot have this value.
+            If the limit cannot have this bound.
         """
         relaxed = self.limit.relaxed(value)
         if relaxed is None:
@@ -95,64 +113,70 @@ class Relaxation:
         return relaxed.on(self.base)
 
     def describe(self, value: float) -> str:
-        """Describe the change to a value in words."""
+        """Describe the change from the present bound to another one in words."""
         return self.limit.described(value)
 
 
 class Pause(Relaxation):
-    """A dwell (a time at rest) at the end of the motion, in which motors cool.
+    """A relaxation that adds a dwell (a time at rest) after the motion, in which motors cool.
 
-    The value of this change is the duration of the dwell in s.
+    The value of this change is the duration of the dwell in s. The field `needed` is the duration
+    with which the motors should be cool enough.
     """
 
     present = 0.0
 
     def value(self, share: float) -> float:
-        """Return the duration, rounded up to three digits."""
+        """Return the duration of the dwell in s, `share` times `needed`, rounded up."""
+        # Rounding the negative value down to three digits rounds the duration up.
         return -_round_down(-share * self.needed)
 
     def problem(self, value: float) -> Problem:
-        """Return the problem with a dwell at the end."""
+        """Return the problem with a dwell of the duration `value` at the end.
+
+        A requested duration of the whole problem grows by that of the dwell.
+        """
         duration = None if self.base.duration is None else self.base.duration + value
         return replace(
             self.base, motion=(*self.base.motion, Dwell(value, "pause")), duration=duration
         )
 
     def describe(self, value: float) -> str:
-        """Describe the dwell."""
+        """Describe the dwell of the duration `value` in words."""
         return f"a dwell of {value:.6g} s at the end"
 
 
 @record
 class ReducedRates(Relaxation):
-    """Requested rates of task coordinates at one end of the motion, reduced by a common factor.
+    """A relaxation that multiplies the requested rates at one end of the motion by a factor.
 
-    The value of this change is the factor, from 1 (the requested rates) down to 0.
+    The rates are those of the task coordinates (roll, tilt, spin and depth). The value of this
+    change is the factor, from 1 (the requested rates) down to 0 (rest).
     """
 
     end: End = "start_rate"
     present = 1.0
 
     def value(self, share: float) -> float:
-        """Return the factor, rounded down to three digits."""
+        """Return the factor 1 − `share`, rounded down to three digits."""
         return _round_down(1 - share)
 
     @property
     def rates(self) -> Mapping[str, float]:
-        """Requested rates by task coordinate."""
+        """Requested rates at this end by the name of the task coordinate, rad/s and m/s."""
         return self.base.start_rate if self.end == "start_rate" else self.base.end_rate
 
     def problem(self, value: float) -> Problem:
-        """Return the problem with the reduced rates."""
+        """Return the problem whose rates at this end are multiplied by the factor `value`."""
         reduced = {name: value * rate for name, rate in self.rates.items()}
         return replace_fields(self.base, **{self.end: reduced})
 
     def describe(self, value: float) -> str:
-        """Describe the rates."""
+        """Describe the reduced and the requested rates in words."""
         return f"{self.end} of {self._text(value)} instead of {self._text(1.0)}"
 
     def _text(self, share: float) -> str:
-        """Return the rates multiplied by a factor, as they are written in a problem file."""
+        """Return the rates multiplied by `share`, in the notation of a problem file."""
         entries = []
         for name, rate in self.rates.items():
             unit, scale = display_unit("m/s" if name == "depth" else "rad/s")
@@ -167,38 +191,41 @@ class TriedRelaxation:
     relaxation: Relaxation
     """The change."""
     value: float
-    """Value that was tried, as it is printed."""
+    """Value of the change that was tried, rounded to the digits that are printed."""
     outcome: float | Reason
     """Duration of the motion with the change, s, or the reason of the failure."""
     combined: tuple[str, ...] = ()
-    """Descriptions of the limits that are relaxed together with it."""
+    """Descriptions of further changes, without which this one gives no motion."""
     alternatives: "tuple[TriedRelaxation, ...]" = ()
-    """Other attempts, each of which works alone."""
+    """Other changes, each of which gives a motion alone."""
 
     @property
     def works(self) -> bool:
-        """True if the relaxation gives a motion."""
+        """True if there is a motion with the change."""
         return isinstance(self.outcome, float)
 
     @property
     def problem(self) -> Problem:
-        """The problem with the relaxed limit."""
+        """The problem with the change."""
         return self.relaxation.problem(self.value)
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """The limit and the direction of its change."""
+        """Key of the limit, and True if its bound is lowered.
+
+        A range has a lower and an upper bound. The direction of the change tells which one changes.
+        """
         limit = self.relaxation.limit
         return limit.key, self.value < limit.bound(self.value)
 
     @property
     def description(self) -> str:
-        """Description of the change."""
+        """The change in words."""
         return self.relaxation.describe(self.value)
 
     @property
     def text(self) -> str:
-        """Description of the change and of its result, and of the other attempts."""
+        """The change and its outcome in words, followed by the alternatives."""
         if isinstance(self.outcome, Reason):
             sentence = f"{self.description}: tried, still infeasible alone: {self.outcome.message}"
         else:
@@ -220,39 +247,42 @@ def find_relaxation(
 ) -> TriedRelaxation | None:
     """Find the smallest change of one limit, or of several together, that gives a motion.
 
-    Values are rounded as printed before they are tried, and planned by `plan` before they are
-    returned.
+    Each change is rounded to the digits that are printed. The function `plan` then plans the
+    problem with the rounded change before it is returned.
 
     Parameters
     ----------
     problem : Problem
-        The problem.
+        The problem, which has no motion within its limits.
     reason : Reason
-        Reason why it cannot be planned.
+        Reason of the failure.
     plan : callable
-        Plans a problem. Returns its duration or a reason.
+        Function that plans a problem. It returns the duration of the motion in s, or a reason.
     duration : float or None
-        Duration of the motion in which the check found a limit exceeded, s.
+        Duration of the motion that exceeds a limit according to the check, s. None if there is no
+        motion at all.
     feasible : callable or None
-        Like `plan`, but returns the first motion that it finds. None: `plan` itself.
+        Like `plan`, but faster, because it returns the first motion that it finds. None: `plan` is
+        used.
     work : Work or None
-        Counter of the work of `plan`.
+        Counter of the work of `plan` and `feasible`.
     budget : float
         Work after which no further trial begins.
 
     Returns
     -------
     TriedRelaxation or None
-        The change and other attempts. If no change gives a motion, the change of the limit in the
-        reason, with the reason why it does not suffice. None if nothing was found.
+        A change with its outcome, and other changes that give a motion as its `alternatives`. If no
+        change gives a motion, the result is the change of the limit that the reason names, with the
+        reason why it does not suffice. None if there is no such change either.
     """
     relaxation = relaxation_for(problem, reason)
     if relaxation is None and eye_forbids_target(problem):
         return None
     work = work or Work()
     trials = _RelaxationSearch(plan, feasible or plan, work, work.spent + budget)
-    # The other relaxations come first because they need few trials. The search for the smallest
-    # change of the limit may take all remaining work.
+    # A pause, a longer duration and lower rates come first because they need few trials. The search
+    # for the smallest change of the limit may take all remaining work.
     others = [
         trials.smallest_share(*other)
         for other in _other_relaxations(problem, reason, duration)
@@ -268,22 +298,23 @@ def find_relaxation(
 
 
 def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[str, Problem]]:
-    """Return multiples of the changes by which a relaxed problem differs from a problem.
+    """Return problems whose limits are changed by multiples of a relaxation.
 
-    The page of a failed plan offers them. Shares that a limit cannot follow are left out. Durations
-    are not changed.
+    The page of a failed plan offers them, because a looser limit may permit a faster motion.
 
     Parameters
     ----------
     problem : Problem
         The problem without a motion.
     relaxed : Problem
-        The problem with the smallest change of its limits that gives a motion.
+        The same problem with the smallest change of its limits that gives a motion.
 
     Returns
     -------
     dict
-        For each of `OFFERED_SHARES`, the changes in words and the problem that they give.
+        For each of `OFFERED_SHARES`, all changes in words, and the problem with these changes.
+        Shares from the first one on that is too large for a limit are left out. The result is empty
+        if no limit differs, for example if the relaxation is a pause.
     """
     pairs = zip(problem.all_limits, relaxed.all_limits, strict=False)
     moved = [(a, b) for a, b in pairs if a != b and a.key == b.key]
@@ -291,6 +322,7 @@ def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[s
     for share in OFFERED_SHARES if moved else ():
         changed, words = problem, []
         for limit, looser in moved:
+            # If the upper bounds are equal, the lower bound was relaxed.
             needed = looser.low if looser.high == limit.high else looser.high
             relaxation = Relaxation(changed, limit, needed)
             value = relaxation.value(share)
@@ -307,13 +339,13 @@ class _RelaxationSearch:
     """Search for the smallest changes of limits (relaxations) that give a motion."""
 
     plan: Planner
-    """Plans a problem completely."""
+    """Function that plans a problem completely."""
     feasible: Planner
-    """Like `plan`, but returns the first motion that it finds."""
+    """Like `plan`, but faster, because it returns the first motion that it finds."""
     work: Work
     """Counter of the work of both."""
     limit: float
-    """Work (the field `spent` of the counter) after which no further trial begins."""
+    """Value of `work.spent` from which on no further trial begins."""
 
     @property
     def has_budget(self) -> bool:
@@ -328,21 +360,21 @@ class _RelaxationSearch:
         *,
         stop_if: Callable[[TriedRelaxation], bool] = lambda _: False,
     ) -> TriedRelaxation:
-        """Find the smallest share of a relaxation that gives a complete plan.
+        """Find the smallest share of a relaxation (change of a limit) that gives a motion.
 
-        A bisection with the cheaper function `feasible` comes first. A second bisection with `plan`
-        starts from its result.
+        A bisection with the faster function `feasible` comes first. A second bisection with the
+        function `plan` starts from its result, because the change must suffice for a complete plan.
 
         Parameters
         ----------
         relaxation : Relaxation
             The change.
         shares : sequence of float
-            Increasing shares of the change, tried in turn until one gives a motion.
+            Increasing shares of the full change, tried in turn until one gives a motion.
         lower : float
-            A share that gives no motion.
+            A share below all of these, which gives no motion.
         stop_if : callable
-            Returns True for a failed attempt if larger shares cannot help either.
+            Function that receives a failed attempt. It returns True if larger shares cannot help.
 
         Returns
         -------
@@ -365,24 +397,24 @@ class _RelaxationSearch:
         plan: Planner,
         stop_if: Callable[[TriedRelaxation], bool],
     ) -> tuple[float, float, TriedRelaxation]:
-        """Find the smallest share of a relaxation with which a motion exists, by bisection.
+        """Find the smallest share of a relaxation that gives a motion, by bisection.
 
-        A share is the part of the full change of the limit. The bisection ends when the largest
-        share without a motion is at least `BISECTION_ACCURACY` times the smallest share with a
-        motion.
+        A relaxation is a change of a limit, and a share is a part of the full change. The bisection
+        ends when the largest share without a motion is at least `BISECTION_ACCURACY` times the
+        smallest share with a motion, or when the work budget is spent.
 
         Parameters
         ----------
         relaxation : Relaxation
             The change.
         shares : sequence of float
-            Increasing shares of the change, tried in turn until one gives a motion.
+            Increasing shares of the full change, tried in turn until one gives a motion.
         lower : float
-            A share that gives no motion.
+            A share below all of these, which gives no motion.
         plan : callable
-            Plans a problem. Returns the duration of its motion or a reason.
+            Function that plans a problem. It returns the duration of the motion in s, or a reason.
         stop_if : callable
-            Returns True for a failed attempt if larger shares cannot help either.
+            Function that receives a failed attempt. It returns True if larger shares cannot help.
 
         Returns
         -------
@@ -391,11 +423,11 @@ class _RelaxationSearch:
         upper : float
             The smallest share with a motion, or the last one that was tried.
         attempt : TriedRelaxation
-            The relaxation by the share `upper`.
+            The change by the share `upper` with its outcome.
         """
 
         def attempt(share: float) -> TriedRelaxation:
-            """Try a share of the change."""
+            """Plan the problem with a share of the change, and count the work of the trial."""
             self.work.spent += TRIAL_WORK
             return _try_relaxation(relaxation, relaxation.value(share), plan)
 
@@ -405,6 +437,8 @@ class _RelaxationSearch:
                 break
             lower = upper
         while result.works and self.has_budget and lower < BISECTION_ACCURACY * upper:
+            # The first change is usually nearly the smallest one. A share a little below it then
+            # ends the bisection at once.
             middle = (lower + upper) / 2 if lower else BISECTION_ACCURACY * upper
             trial = attempt(middle)
             if trial.works:
@@ -416,20 +450,21 @@ class _RelaxationSearch:
     def smallest_change_of_limit(self, relaxation: Relaxation) -> TriedRelaxation | None:
         """Find the smallest change of one limit that gives a motion.
 
-        The search begins at the change that the reason of the failure asks for, and continues with
-        multiples of this change (`CHANGE_FACTORS`).
+        The search tries the change that the reason of the failure asks for, and multiples of it
+        (`CHANGE_FACTORS`), until there is a motion. A bisection then looks for a smaller change.
 
         Parameters
         ----------
         relaxation : Relaxation
-            The limit with the bound that the reason asks for.
+            The change of the limit that the reason asks for.
 
         Returns
         -------
         TriedRelaxation or None
             The smallest change that gives a motion, or the last one that was tried. None if the
-            limit cannot have such a bound.
+            limit cannot have any of these bounds.
         """
+        # The small increase keeps rounding errors from making the first bound too tight.
         limit, growth = (
             relaxation.limit,
             [factor * (1 + EQUALITY_TOLERANCE) for factor in CHANGE_FACTORS],
@@ -442,21 +477,21 @@ class _RelaxationSearch:
         )
 
     def smallest_joint_change(self, relaxation: Relaxation) -> TriedRelaxation | None:
-        """Find the smallest change of one limit, or of several together, that gives a motion.
+        """Find changes of one limit, or of several limits together, that give a motion.
 
-        If another limit prevents the motion after the first change, that limit is changed as well,
-        and so on until there is a motion or the work budget is spent.
+        If another limit prevents the motion after the first change, that limit is changed as well.
+        This is repeated until there is a motion or the work budget is spent.
 
         Parameters
         ----------
         relaxation : Relaxation
-            The first limit with the bound that the reason asks for.
+            The change of the first limit, which the reason of the failure asks for.
 
         Returns
         -------
         TriedRelaxation or None
-            The last change, with the others in its field `combined`. Without a motion, the first
-            change alone. None if the first limit cannot have such a bound.
+            The last change, with the others in its field `combined`. If they give no motion, the
+            result is the first change alone. None if the first limit cannot be changed so far.
         """
         initial = attempt = self.smallest_change_of_limit(relaxation)
         descriptions: dict[tuple[Any, ...], str] = {}
@@ -466,14 +501,16 @@ class _RelaxationSearch:
             attempt = None if following is None else self.smallest_change_of_limit(following)
         if attempt is None or not attempt.works:
             return initial
+        # The last change may replace an earlier one of the same limit.
         descriptions.pop(attempt.key, None)
         return replace(attempt, combined=tuple(descriptions.values()))
 
     def first_change_that_helps(self, problem: Problem) -> TriedRelaxation | None:
-        """Return the first relaxation of a single limit that gives a motion.
+        """Relax one limit after the other until there is a motion.
 
-        All limits are relaxed one by one by the first of `TRIAL_SHARES`, then by the next one. A
-        share is the part of the full change that the limit proposes (`Limit.trials`).
+        It serves if the reason of the failure names no limit to relax. Each limit proposes a looser
+        bound (`Limit.trials`). All limits are first relaxed one by one by the first of
+        `TRIAL_SHARES` of this change, and then by the next share.
 
         Parameters
         ----------
@@ -483,9 +520,10 @@ class _RelaxationSearch:
         Returns
         -------
         TriedRelaxation or None
-            The relaxation with the smallest change that a bisection finds. None if none gives a
-            motion before the work budget is spent.
+            The first limit whose relaxation gives a motion, with the smallest such change that a
+            bisection finds. None if there is no motion before the work budget is spent.
         """
+        # `short` is the previous share, which has given no motion.
         for short, share in pairwise((0.0, *TRIAL_SHARES)):
             for relaxation in all_relaxations(problem):
                 if not self.has_budget:
@@ -499,22 +537,22 @@ class _RelaxationSearch:
 def _try_relaxation(relaxation: Relaxation, value: float, plan: Planner) -> TriedRelaxation:
     """Plan a problem with a changed limit, and return the outcome.
 
-    The problem may forbid the change. For example, the planner `toppra` supports no requested
-    duration. The outcome is a reason then.
+    If the problem forbids the change, the outcome is a reason. For example, a problem with the
+    planner `toppra` cannot request a duration.
 
     Parameters
     ----------
     relaxation : Relaxation
         The change.
     value : float
-        Value of the change, as it is printed.
+        Value of the change, rounded to the digits that are printed.
     plan : callable
-        Plans a problem. Returns the duration of its motion or a reason.
+        Function that plans a problem. It returns the duration of the motion in s, or a reason.
 
     Returns
     -------
     TriedRelaxation
-        The relaxation with this value and its outcome.
+        The change by this value, with its outcome.
     """
     try:
         outcome = plan(relaxation.problem(value))
@@ -524,33 +562,35 @@ def _try_relaxation(relaxation: Relaxation, value: float, plan: Planner) -> Trie
 
 
 def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
-    """Return the relaxation of the limit that a reason names.
+    """Return the change of the limit that the reason of a failure names.
 
     Parameters
     ----------
     problem : Problem
         The problem without a motion.
     reason : Reason
-        Reason of the failure, with the required and the available value.
+        Reason of the failure, with the required and the available value of a limited quantity.
 
     Returns
     -------
     Relaxation or None
-        None if the reason names no limit, or one that cannot be relaxed.
+        The change from the present bound to one that allows the required value. None if the reason
+        names no limit, or one that cannot be relaxed.
     """
     if reason.limit is None or reason.required is None or reason.available is None:
         return None
     limit = problem.limit(*reason.limit.key) or reason.limit
-    # For a floor, the required value is the bound, which is lowered to the available value.
+    # A floor is a lower bound, which the reason states as the required value. It is relaxed to the
+    # available value.
     needed = limit.sufficient_bound(reason.available if limit.is_floor else reason.required)
     return None if limit.relaxed(needed) is None else Relaxation(problem, limit, needed)
 
 
 def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
-    """Yield relaxations of all limits of a problem, joints first, then the tool.
+    """Yield relaxations of all limits of a problem: joints first, then speeds, then the others.
 
-    They serve if the reason of a failure names no limit. Each limit states the looser bounds to try
-    (`Limit.trials`).
+    They serve if the reason of a failure names no limit. Each limit proposes the looser bounds to
+    try (`Limit.trials`).
 
     Parameters
     ----------
@@ -560,7 +600,7 @@ def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
     Yields
     ------
     Relaxation
-        A limit with one of its looser bounds.
+        The change of one limit to one of these bounds.
     """
     of_joints = (limit for joint in problem.robot.joints for limit in reversed(joint.limits))
     others = (limit for limit in problem.limits if limit not in problem.speeds)
@@ -572,13 +612,13 @@ def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
 def _is_other_limit_to_blame(attempt: TriedRelaxation) -> bool:
     """Return True if a larger change of the same limit cannot help.
 
-    This is the case if the reason of the failure names another limit, or the same limit in the
-    opposite direction.
+    This is the case if the reason of the failure names another limit that can be relaxed, or asks
+    for a change of the same limit in the opposite direction.
 
     Parameters
     ----------
     attempt : TriedRelaxation
-        A change of a limit with its outcome.
+        A change of a limit that gives no motion.
     """
     if not isinstance(attempt.outcome, Reason) or attempt.outcome.limit is None:
         return False
@@ -592,10 +632,10 @@ def _is_other_limit_to_blame(attempt: TriedRelaxation) -> bool:
 def _other_relaxations(
     problem: Problem, reason: Reason, duration: float | None
 ) -> Iterator[tuple[Relaxation, Sequence[float]]]:
-    """Yield relaxations that change no limit of the robot or the task, with shares to try.
+    """Yield changes of the problem that leave the limits of the robot and the task as they are.
 
-    If a motor gets too hot, they are a pause and a longer duration. If the velocity at an end of
-    the motion exceeds a limit, they are lower rates at this end.
+    If a motor gets too hot, these are a pause and a longer duration. If the velocity at an end of
+    the motion exceeds a limit, they are lower rates at that end.
 
     Parameters
     ----------
@@ -604,14 +644,15 @@ def _other_relaxations(
     reason : Reason
         Reason of the failure, with the required and the available value.
     duration : float or None
-        Duration of the motion in which the check found a limit exceeded, s. None without a motion.
+        Duration of the motion that exceeds a limit according to the check, s. None if there is no
+        motion at all.
 
     Yields
     ------
     relaxation : Relaxation
         The change.
     shares : sequence of float
-        Increasing shares of the change, to be tried in turn.
+        Increasing shares of the full change, to be tried in turn.
     """
     limit, required, available = reason.limit, reason.required, reason.available
     if limit is None or required is None or available is None:
@@ -619,6 +660,8 @@ def _other_relaxations(
     if isinstance(limit, ContinuousTorque) and duration is not None:
         yield from _more_time(problem, limit, duration, (required / available) ** 2 - 1)
     if limit.name in LIMITS_OF_END_RATES:
+        # A velocity is proportional to the rates, so this factor on the rates should suffice. Rest
+        # is tried too.
         possible = available / required if required > available > 0 else 0.0
         shares = sorted({1 - possible, 1.0})
         ends = (ReducedRates(problem, limit, 0.0, end) for end in get_args(End))
@@ -640,7 +683,15 @@ def _more_time(
         Duration of the motion, s.
     excess : float
         Relative excess of heat, (RMS torque / continuous torque)² − 1.
+
+    Yields
+    ------
+    relaxation : Relaxation
+        The pause, or the change of the duration.
+    shares : sequence of float
+        Increasing shares of the full change, to be tried in turn.
     """
+    # Without torque, a pause of `excess` times the duration reduces the mean heat to its limit.
     if not problem.end_rate:
         yield Pause(problem, limit, duration * excess), CHANGE_FACTORS
     if any(entry.duration is None for entry in problem.motion):
@@ -648,8 +699,10 @@ def _more_time(
 
 
 def _round_down(value: float) -> float:
-    """Round down to three digits."""
+    """Round a number down to three significant digits, towards −∞."""
     if value == 0.0:
         return 0.0
+    # Value of the third digit. The inner `round` keeps a rounding error from lowering an exact
+    # value, and the outer one removes the error of the product.
     unit = 10.0 ** (math.floor(math.log10(abs(value))) - 2)
     return round(math.floor(round(value / unit, 6)) * unit, 12)

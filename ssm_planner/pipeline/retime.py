@@ -1,7 +1,8 @@
 """Timing of a given joint path: the fastest motion along it within the limits.
 
-`retime` is the public function, and the command `ssm-planner retime` calls it. It converts the path
-to a problem whose motions follow splines, and plans this problem with TOPP-RA.
+`retime` is the public function, and the command `ssm-planner retime` does the same. The path
+becomes a problem whose motions follow splines. TOPP-RA, a method that computes the fastest timing
+of a given path, plans this problem.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from ssm_planner.typing import Array
 POINTS_PER_PIECE = 4
 """Number of points that are sampled from each polynomial piece of a trajectory.
 
-A spline through them follows the polynomials closely.
+A cubic spline through so many points follows the polynomials of degree 5 closely.
 """
 
 
@@ -39,23 +40,25 @@ def retime(
     robot: Robot | str | Path | None = None,
     problem: Problem | str | Path | None = None,
 ) -> Plan:
-    """Time a joint path as fast as the limits allow, and check the motion.
+    """Compute the fastest motion along a joint path within the limits, and check it.
+
+    The motion follows a smooth curve through the points, and stops where the path has a corner.
 
     Parameters
     ----------
     path : (n, 4) array, Trajectory, or file
         Joint positions in rad and m, a motion whose path is kept, or a file that
-        `ssm-planner check` reads. The motion follows the smooth curve through the points, and
-        stops at the points where the path has a corner.
+        `ssm-planner check` reads.
     robot : Robot or file
-        Robot whose limits hold. Only allowed without `problem`.
+        Robot whose limits the motion keeps. Only allowed without `problem`.
     problem : Problem or file
-        Problem whose robot and task limits hold.
+        Problem whose limits of the robot and of the task the motion keeps. Only allowed without
+        `robot`.
 
     Returns
     -------
     Plan
-        The certified motion, or a plan without a motion that holds the reason.
+        The motion, which has passed the independent check, or the reason why there is none.
 
     Raises
     ------
@@ -88,20 +91,20 @@ def robot_with_limits(
 ) -> tuple[Robot, Problem | None]:
     """Return the robot and the problem whose limits apply to the timing of a path.
 
-    Exactly one argument must be given. A problem adds limits on the tool and on task coordinates to
-    those of its robot. Files are read.
+    Exactly one of the arguments must be given. A problem adds limits on the tool and on task
+    coordinates to the limits of its robot.
 
     Parameters
     ----------
     robot : Robot, file or None
-        The robot.
+        The robot, or a file from which it is read.
     problem : Problem, file or None
-        The problem, which contains a robot.
+        The problem, which contains a robot, or a file from which it is read.
 
     Returns
     -------
     robot : Robot
-        The robot, or that of the problem.
+        The given robot, or that of the problem.
     problem : Problem or None
         The problem. None if only a robot is given.
 
@@ -123,8 +126,8 @@ def retiming_problem(
 ) -> tuple[Problem, Array]:
     """Build the problem of following a path as fast as the limits allow.
 
-    The path is divided at its corners. The motion follows a spline through each part and stops in
-    between.
+    The path is divided at its corners. The motion follows a cubic spline through the points of each
+    part, and stops between the parts.
 
     Parameters
     ----------
@@ -133,16 +136,18 @@ def retiming_problem(
     robot : Robot
         Robot that follows the path.
     base : Problem or None
-        Problem whose limits on the tool and on the task apply. None: only the robot's limits.
+        Problem whose limits on the tool and on task coordinates apply too. None: only the limits of
+        the robot apply.
     name : str
         Name of the new problem.
 
     Returns
     -------
     problem : Problem
-        One `Follow` motion for each smooth part of the path.
+        Problem with one `Follow` motion for each smooth part of the path.
     deviation : (4,) array
-        Largest distance of each joint from the straight lines between the points, rad and m.
+        Largest deviation of each joint on the splines from the straight lines between the points,
+        rad and m.
 
     Raises
     ------
@@ -156,8 +161,9 @@ def retiming_problem(
         raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MAX_GRID_INTERVALS}")
     low, high = np.array([joint.position for joint in robot.joints]).T
     clipped = np.clip(q, low, high)
-    # Recorded points may lie outside the range by rounding.
+    # Recorded points may lie outside of the range by rounding errors, which must not be an error.
     q = np.where(np.abs(q - clipped) <= EQUALITY_TOLERANCE, clipped, q)
+    # Joint positions divided by the velocity limits are comparable in rad and m.
     velocities = robot.velocities
     smooth_parts = split_at_corners(q, velocities)
     if not smooth_parts:
@@ -167,6 +173,7 @@ def retiming_problem(
         SplinePath(mechanism, part, velocities).deviation_from_lines for part in smooth_parts
     ]
     points = [list(map(Joints.from_array, part)) for part in smooth_parts]
+    # Arguments of `Follow`: the end, the points between start and end, and the name.
     motion = tuple(
         Follow(part[-1], tuple(part[1:-1]), f"path {k}") for k, part in enumerate(points, 1)
     )
@@ -188,9 +195,9 @@ def retiming_problem(
 def _points(reading: Reading) -> Array:
     """Sample joint positions along a motion that was read from a file.
 
-    If the file contains smooth polynomials, `POINTS_PER_PIECE` points of each are taken. If it
-    contains points, or more pieces than `MAX_GRID_INTERVALS` allows, the ends of the pieces
-    suffice.
+    If the file contains smooth polynomials, `POINTS_PER_PIECE` points of each polynomial are taken.
+    If the file contains single points, or if the polynomials would give more points than
+    `MAX_GRID_INTERVALS`, only the ends of the pieces are taken.
 
     Parameters
     ----------
@@ -205,5 +212,6 @@ def _points(reading: Reading) -> Array:
     breaks = reading.trajectory.breaks
     has_pieces = reading.resolution is None and POINTS_PER_PIECE * len(breaks) <= MAX_GRID_INTERVALS
     count = POINTS_PER_PIECE if has_pieces else 1
+    # 0.25, for example, is a quarter of the way along the first piece.
     piece_position = np.arange(count * (len(breaks) - 1) + 1) / count
     return reading.trajectory.positions(np.interp(piece_position, np.arange(len(breaks)), breaks))

@@ -1,7 +1,8 @@
-"""The complete program: plan, check, determine motor requirements, and write files.
+"""The complete program: plan a motion, check it, and write the results to files.
 
-`plan` plans a problem in memory, `Replanner` plans it repeatedly with other starts and targets, and
-`plan_to_folder` writes the results. The command line calls these functions.
+`plan` returns the plan of a problem. `Replanner` plans a problem repeatedly with other starts and
+targets. `plan_to_folder` also writes plan.json, the report and the figures. The command line calls
+these functions.
 """
 
 from __future__ import annotations
@@ -56,9 +57,10 @@ from ssm_planner.verification.promises import PromiseResult, check_path_promises
 from ssm_planner.verification.stops import quickest_stops
 
 _ONE_AT_A_TIME = RLock()
-"""Plans share programs and solutions, so only one thread plans at a time.
+"""Lock with which only one thread plans at a time.
 
-Two threads would not be faster, since Python runs one of them.
+All threads share the optimisation problems that were built, and their solutions. Two threads would
+not be faster, since Python runs only one of them at a time.
 """
 
 
@@ -74,31 +76,31 @@ def plan(
 ) -> Plan:
     """Plan a problem, and check the motion by independent code.
 
-    An infeasible problem does not raise. The plan then holds the reason and, unless `relaxations`
-    is false, the smallest change of a limit that gives a motion. Threads may call this function.
-    They wait for each other.
+    A problem without a motion within the limits does not raise an exception. The plan then contains
+    the reason and, unless `relaxations` is False, the smallest change of a limit that gives a
+    motion. Several threads may call this function. They wait for each other.
 
     Parameters
     ----------
     problem : Problem or file
         The problem, its file, or the name of a shipped problem.
     progress : callable
-        Called with each step, which the logger "ssm_planner" receives too. An exception that it
-        raises cancels the planning.
+        Called with each step. The logger "ssm_planner" receives the steps too. An exception that
+        the function raises cancels the planning.
     on_solution : callable
         Called with each motion before it is checked.
     relaxations : bool
-        Look for a change of a limit if there is no motion.
+        True if the planner looks for a change of a limit where there is no motion.
     on_relaxation : callable
-        Called with the relaxed problem, which has a motion.
+        Called with the problem with the changed limit, if it has a motion.
     stoppable : bool
-        The first Ctrl-C during the search for alternative joints ends that search. The plan is then
-        the best one so far, with `Plan.stopped` set.
+        True if the first Ctrl-C ends the search over other joint positions at the targets. The
+        result is then the best plan so far, with `Plan.stopped` set.
 
     Returns
     -------
     Plan
-        The plan, or the reason of the failure.
+        The motion with its certificate, or the reason why there is none.
 
     Examples
     --------
@@ -111,7 +113,7 @@ def plan(
         problem = load_problem(problem)
 
     def _report(step: Step) -> None:
-        """Pass a step to the logger and to the caller."""
+        """Pass a step of the planning to the logger and to the caller's function `progress`."""
         logging.getLogger("ssm_planner").info(step)
         progress(step)
 
@@ -119,14 +121,14 @@ def plan(
     motions: list[Trajectory] = []
 
     def _show(trajectory: Trajectory) -> None:
-        """Remember a motion before its check, and pass it to the caller."""
+        """Append a motion to `motions` before its check, and pass it to the caller."""
         motions.append(trajectory)
         on_solution(trajectory)
 
-    # Some relaxations follow from the motion that gets too warm. Without relaxations it is not
-    # needed.
+    # Some relaxations (changes of a limit) are computed from a motion that gets too warm. Such a
+    # motion is only planned if relaxations are wanted.
     def _plan_candidate(candidate: Problem) -> Outcome:
-        """Plan and check a problem with some joints at its targets."""
+        """Plan and check the problem, in which joint positions may replace some targets."""
         return _plan_check_and_cool(candidate, work, _report, _show, may_overheat=relaxations)
 
     with _ONE_AT_A_TIME:
@@ -135,6 +137,7 @@ def plan(
             problem, _plan_candidate, work, _report, stoppable=stoppable
         )
         result, reason = outcome.planned, outcome.reason
+        # The caller must receive the final motion last, which need not be the last one planned.
         if result.trajectory is not None and motions[-1] is not result.trajectory:
             on_solution(result.trajectory)
         if reason is not None and relaxations:
@@ -161,20 +164,20 @@ def _with_relaxation(
     work: Work,
     on_relaxation: Callable[[Problem], None],
 ) -> Reason:
-    """Return the reason of a failure, with the smallest change of a limit that gives a motion.
+    """Search a change of a limit that gives a motion, and add it to the reason of a failure.
 
     Parameters
     ----------
     problem : Problem
-        The problem.
+        The problem without a motion within its limits.
     outcome : Outcome
         The failure, perhaps with a motion that failed its check.
     reason : Reason
         Reason of the failure.
     work : Work
-        Counter of the work.
+        Counter of the computational work, to which this function adds.
     on_relaxation : callable
-        Called with the relaxed problem if it has a motion.
+        Called with the problem with the changed limit, if it has a motion.
 
     Returns
     -------
@@ -183,7 +186,8 @@ def _with_relaxation(
         if the search finds nothing.
     """
     trajectory = outcome.planned.trajectory
-    # The fastest motion is planned soonest, but it is warmer than the requested one.
+    # A fast motion is quicker to plan than one of little heat. It does not suffice if heat is the
+    # reason of the failure.
     any_suffices = not isinstance(reason.limit, ContinuousTorque)
     attempt = find_relaxation(
         problem,
@@ -204,12 +208,12 @@ def _with_relaxation(
 class Replanner:
     """Planner for one problem with changing starts and targets, for control loops and studies.
 
-    It uses the structured solver without Ipopt's confirmation, as `planner: fast` does, unless the
-    problem names another planner.
+    If the problem has the planner `optimal`, `fast` takes its place. The structured solver of this
+    package then computes the motion, and Ipopt does not confirm it.
 
-    Programs and compiled functions are built once and cached for the last dozen structures of
-    motions, so memory does not grow. A plan does not depend on earlier plans, to the last bit.
-    Threads may share a replanner.
+    The optimisation problems and compiled functions are built once and kept for the last dozen
+    kinds of motions, so the memory does not grow. A plan is the same to the last bit whatever was
+    planned before. Several threads may share a replanner.
 
     Examples
     --------
@@ -220,7 +224,7 @@ class Replanner:
     """
 
     problem: Problem
-    """Everything except for the arguments of `plan`."""
+    """The problem. The arguments of `plan` replace its start, rates and target."""
 
     def plan(
         self,
@@ -228,26 +232,26 @@ class Replanner:
         target: Point | None = None,
         rates: Mapping[str, float] | None = None,
     ) -> Plan:
-        """Plan from another start, with other rates there, or to another target. SI units.
+        """Plan the problem with another start, other rates there, or another target.
 
-        The target replaces that of the last motion that has one. Task coordinates that a Task does
-        not name are those of the problem. Rates that are not named are 0. The plan has passed the
-        check, or holds the reason, without a search for relaxations.
+        The plan is checked independently. If there is no motion, no change of a limit is searched.
 
         Parameters
         ----------
         start : Point, optional
-            Start of the motion. By default that of the problem.
+            Start of the motion, rad and m. Task coordinates that a `Task` omits are those of the
+            problem. By default the start of the problem.
         target : Point, optional
-            Target of the last motion that has one. By default that of the problem.
+            Target of the last motion that has one, rad and m. Task coordinates that a `Task` omits
+            are those of the problem. By default the target of the problem.
         rates : mapping of str to float, optional
-            Rates of the task coordinates at the start by name, rad/s and m/s. By default those of
-            the problem.
+            Rates of the task coordinates at the start by name, rad/s and m/s. Rates that are not
+            named are 0. By default those of the problem.
 
         Returns
         -------
         Plan
-            The plan, or the reason of the failure.
+            The motion with its certificate, or the reason why there is none.
 
         Raises
         ------
@@ -266,9 +270,9 @@ class Replanner:
         )
 
     def plan_from(self, motion: Plan | Trajectory, at: float, target: Point | None = None) -> Plan:
-        """Plan from an instant of a motion, with the velocity that the robot has then.
+        """Plan the problem from an instant of a motion, with the velocities at this instant.
 
-        The plan has passed the check, or holds the reason, without a search for relaxations.
+        The plan is checked independently. If there is no motion, no change of a limit is searched.
 
         Parameters
         ----------
@@ -277,13 +281,13 @@ class Replanner:
         at : float
             Time since the start of this motion, s.
         target : Point, optional
-            Target of the last motion of the problem that has one. Task coordinates that it omits
-            keep their values. By default the target of the problem.
+            Target of the last motion of the problem that has one, rad and m. Task coordinates that
+            it omits are those of the problem. By default the target of the problem.
 
         Returns
         -------
         Plan
-            The plan, or the reason of the failure.
+            The motion with its certificate, or the reason why there is none.
 
         Raises
         ------
@@ -299,13 +303,14 @@ class Replanner:
         return plan(with_fast_planner(there), relaxations=False)
 
     def _motions_to(self, target: Point) -> tuple[Motion, ...]:
-        """Return the motion list of the problem with another target of its last motion.
+        """Return the motion list of the problem with another target.
+
+        Only free and straight motions have a target. That of the last of them is replaced.
 
         Parameters
         ----------
         target : Point
-            Target of the last motion that has one. Task coordinates that it omits keep their
-            values.
+            The new target. Task coordinates that it omits are those of the present target.
 
         Returns
         -------
@@ -337,14 +342,14 @@ class Replanner:
 
 
 def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Problem:
-    """Return the problem with an instant of a motion as its start.
+    """Return the problem with the state of a moving robot at one instant as its start.
 
     `Replanner.plan_from` calls this function, for example if a robot gets a new target while it
     moves. Only a free motion (whose path the planner chooses) can begin at any velocity. If the
-    first motion of the problem is of another kind, a free motion named "stop" precedes it, in which
-    every joint brakes nearly as hard as it can. If this motion would leave a range of task
-    coordinates, it ends at the end of the quickest stop along the path of the present motion
-    instead.
+    first motion of the problem is of another kind, a free motion named "stop" is put before it. Its
+    target is the position at which the joints come to rest when each of them brakes nearly as hard
+    as it can. If this position is outside of a range of task coordinates, the target is the end of
+    the quickest stop along the path of the present motion instead.
 
     Parameters
     ----------
@@ -358,8 +363,8 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     Returns
     -------
     Problem
-        The problem with the joint positions and rates at that instant as its start, and with the
-        joint accelerations if the robot has limits of jerk.
+        The problem with the joint positions and the rates of the task coordinates at that instant
+        as its start. If the robot has limits on jerk, the start also has the joint accelerations.
 
     Raises
     ------
@@ -376,7 +381,8 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     robot = problem.robot
     velocity = robot.velocities
     q, qd = state.q[0], state.qd[0]
-    # The check accepts velocity jumps up to this share of the velocity limit.
+    # The check accepts jumps of velocity up to this share of the velocity limit. A joint that is
+    # slower counts as a joint at rest.
     qd = np.where(np.abs(qd) > JUMP_TOLERANCE * velocity, qd, 0.0)
     mechanism = Mechanism.from_robot(robot)
     rates = task_rates(mechanism, q[None], qd[None])[0]
@@ -402,23 +408,39 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
 
 
 def _within_ranges(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
-    """Return True if the task coordinates of joint positions (4,) are within their ranges."""
+    """Return True if the task coordinates of joint positions are within the ranges of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its ranges of task coordinates (roll, tilt, spin and depth).
+    mechanism : Mechanism
+        Geometry of the robot.
+    q : (4,) array
+        Joint positions, rad and m.
+    """
     task = task_from_joints(mechanism, q[None])[0]
     ranges = problem.ranges.items()
     return all(low <= task[TASK_COORDINATES.index(name)] <= high for name, (low, high) in ranges)
 
 
 def _complete_point(base: Point, point: Point) -> Point:
-    """Return a point with its missing task coordinates taken from another point.
+    """Add the missing task coordinates of a point from another point.
 
-    Points in other coordinates have no missing ones, so they are returned unchanged.
+    Task coordinates are roll, tilt, spin and depth. A point that is given in another way, for
+    example by joint positions, has no missing coordinates and is returned unchanged.
 
     Parameters
     ----------
     base : Point
         Point that provides the missing coordinates.
     point : Point
-        Point that may omit some of roll, tilt, spin and depth.
+        Point that may omit some task coordinates.
+
+    Returns
+    -------
+    Point
+        The complete point.
     """
     if isinstance(base, Task) and isinstance(point, Task):
         return unchecked_copy(base, **point.set_coordinates)
@@ -426,9 +448,10 @@ def _complete_point(base: Point, point: Point) -> Point:
 
 
 def _nominal_duration(problem: Problem, progress: Progress) -> float | None:
-    """Return the duration of the motion without ranges of friction and payload, s.
+    """Plan the problem without ranges of friction and payload, and return the duration.
 
-    The report compares it with the duration of the plan, to show what the ranges cost.
+    The report compares it with the duration of the plan, to show how much slower the motion is
+    because it allows for the ranges.
 
     Parameters
     ----------
@@ -440,7 +463,7 @@ def _nominal_duration(problem: Problem, progress: Progress) -> float | None:
     Returns
     -------
     float or None
-        None if the problem has no such range, or if there is no motion without it.
+        Duration, s. None if the problem has no such range, or if planning without it fails.
     """
     if problem.friction is None and problem.payload is None:
         return None
@@ -450,17 +473,18 @@ def _nominal_duration(problem: Problem, progress: Progress) -> float | None:
 
 
 def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, ...]:
-    """Return the summaries of all planned phases for plan.json and the report.
+    """Summarise all planned phases for plan.json and the report.
 
-    A phase is an entry of the motion list with its motion. A summary contains the duration, the
-    solver's data, and how far the tip deviates from a rounded corner or from a constant speed.
+    A phase is an entry of the motion list with its motion. A summary contains its duration, data
+    about the solver, the distance of the tip from rounded corners, and the deviation of its speed
+    from a constant speed.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     result : PlannerResult
-        Result of the planner. Without a complete motion, no deviations are measured.
+        Result of the planner. If a phase has no motion, no deviations are measured.
 
     Returns
     -------
@@ -470,6 +494,8 @@ def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, .
     if result.trajectory is None:
         return tuple(_summary(phase, None) for phase in result.phases)
     mechanism = Mechanism.from_robot(problem.robot)
+    # A promise is a property of the path that a phase must have, for example a straight line. It is
+    # assigned to its phase by the span of time.
     kept = check_path_promises(result.trajectory, mechanism, problem.task_limits)
     promises = {item.promise.span: item for item in kept}
     spans = result.trajectory.phases
@@ -480,24 +506,25 @@ def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, .
 
 
 def _summary(phase_result: PlannedPhase, promise: PromiseResult | None) -> PhaseSummary:
-    """Return the summary of one phase for plan.json and the report.
+    """Summarise one phase (entry of the motion list) for plan.json and the report.
 
     Parameters
     ----------
     phase_result : PlannedPhase
         The phase with its motion.
     promise : PromiseResult or None
-        Measured deviation of the phase from its line, corners and constant speed. None if the
-        problem prescribes none of them.
+        Measured deviations of the motion from its line, corners and constant speed. None if the
+        problem prescribes none of them, or if they were not measured.
 
     Returns
     -------
     PhaseSummary
-        Duration, bounds, solver and measured deviations of the phase.
+        Duration and lower bound, start and end, data about the solver, and measured deviations.
     """
     phase = phase_result.phase
     confirmation = phase_result.motion.confirmation
-    # The interval in which the tip keeps a constant speed, s, and the relative error there.
+    # Start and end of the interval in which the tip keeps a constant speed, s, and the relative
+    # error of the speed there.
     start, end, error = (promise and promise.constant_speed_span) or (None, None, None)
     return PhaseSummary(
         name=phase.motion.name,
@@ -539,25 +566,27 @@ def _plan_check_and_cool(
     problem : Problem
         The problem.
     work : Work
-        Counter of the work.
+        Counter of the computational work, to which this function adds.
     progress : callable
         Called with a message for each step.
     on_motion : callable
         Called with each motion before its check, except for those of the search for less heat.
     may_overheat : bool
-        True if a motion is planned even if no motion keeps the motors cool enough.
+        True if a motion is planned even if every possible motion makes a motor too hot.
 
     Returns
     -------
     Outcome
-        The motion with its certificate, or the reason of the failure.
+        The motion with its certificate, and with a reason if it failed the check. Without a motion,
+        only the reason.
     """
 
     def plan_cooler(candidate: Problem, weights: Array) -> Outcome:
-        """Plan and check a problem with weights (4,) of the motors' heat."""
+        """Plan and check a problem with weights (4,) of the motors' heat in the objective."""
         return plan_and_check(candidate, work, cooling=weights)
 
     outcome = plan_and_check(problem, work, progress, on_motion, may_overheat=may_overheat)
+    # `excess_heat` is None if the motion exceeds other limits too. Less heat does not help then.
     too_hot = outcome.hot_joints and outcome.excess_heat is not None
     if not too_hot or check_thermal_bound(problem) is not None:
         return outcome
@@ -568,16 +597,16 @@ def _plan_check_and_cool(
 def _duration_or_reason(
     problem: Problem, work: Work, *, first_suffices: bool = False
 ) -> float | Reason:
-    """Return the duration of the plan of a problem in s, or the reason of the failure.
+    """Plan a problem with other limits, and return the duration or the reason of the failure.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     work : Work
-        Counter of the work.
+        Counter of the computational work, to which this function adds.
     first_suffices : bool
-        True if the first certified motion suffices.
+        True if the search ends with the first motion that passes the check.
 
     Returns
     -------
@@ -590,16 +619,16 @@ def _duration_or_reason(
 
 
 def _find_any_motion(problem: Problem, work: Work, *, any_suffices: bool) -> float | Reason:
-    """Return the duration of any motion of a problem in s, or the reason of the failure.
+    """Find any motion of a problem, and return its duration or the reason of the failure.
 
-    The search for a relaxation calls it, because it is faster than a complete plan.
+    The search for a change of a limit uses it, because it is faster than a complete plan.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     work : Work
-        Counter of the work.
+        Counter of the computational work, to which this function adds.
     any_suffices : bool
         True if the motion need not have little heat, even if the objective asks for it.
 
@@ -614,22 +643,22 @@ def _find_any_motion(problem: Problem, work: Work, *, any_suffices: bool) -> flo
 
 
 def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, float]]:
-    """Yield changes of limits, in words, and the durations of the motions that they permit, s.
+    """Plan a problem with larger and larger changes of its limits, and yield the durations.
 
-    The changes are multiples of the relaxation that gives a motion. The page of the failed plan
-    shows them. The last change is the largest one, or one that saves no time.
+    The changes are multiples of the smallest change that gives a motion. The page of the failed
+    plan shows them. The function stops after the first change that saves no time.
 
     Parameters
     ----------
     problem : Problem
         The problem without a motion.
     relaxed : Problem
-        The problem with the smallest change that gives a motion.
+        The same problem with the smallest change of its limits that gives a motion.
 
     Yields
     ------
     words : str
-        Description of the changes.
+        Description of the changes in words.
     duration : float
         Duration of the motion with these changes, s.
     """
@@ -652,8 +681,8 @@ def plan_to_folder(
 ) -> tuple[Plan, dict[str, Path]]:
     """Plan a problem, and write plan.json, trajectory.csv, the report and the figures.
 
-    If the plan has not passed the check, only the page no_plan.html is written. If the planner has
-    a motion and searches for a faster one, the first Ctrl-C ends the search.
+    If no motion has passed the check, only the page no_plan.html is written. While the planner
+    already has a motion and searches for a faster one, the first Ctrl-C ends the search.
 
     Parameters
     ----------
@@ -662,22 +691,26 @@ def plan_to_folder(
     folder : Path
         Folder of the results.
     progress : callable
-        Function that receives each step.
+        Function that is called with each step.
     drawer : FigureProcess, optional
-        Process that draws the figures and judges the motion meanwhile.
+        Another process, which draws the figures and judges the motion while this process continues.
+        By default, this process does both.
     rate : float, optional
-        Rows per second of trajectory.csv, Hz.
+        Rows of trajectory.csv per second, Hz. By default, `write_csv` chooses the rate.
 
     Returns
     -------
     plan : Plan
         The plan.
     paths : dict
-        Paths of the files by name.
+        Paths of the files that were written, by name.
     """
 
     def draw(trajectory: Trajectory) -> None:
-        """Draw a motion in the other process while this process checks it."""
+        """Let the other process draw a motion, and judge it if the planner is `optimal`.
+
+        Without another process, nothing happens.
+        """
         if drawer is not None:
             if problem.planner == "optimal":
                 drawer.judge(trajectory, problem)
@@ -686,7 +719,7 @@ def plan_to_folder(
     changes: list[tuple[str, float]] = []
 
     def relax_further(relaxed: Problem) -> None:
-        """Collect larger changes of the limits for the page of a failed plan."""
+        """Append larger changes of the limits to `changes` for the page of a failed plan."""
         changes.extend(_larger_changes(problem, relaxed))
 
     result = plan(problem, progress, draw, stoppable=True, on_relaxation=relax_further)

@@ -1,23 +1,26 @@
-"""Search for the fastest motion whose motors keep their continuous torque.
+"""Search for the fastest motion in which no motor gets too hot.
 
-The RMS torque of a motor over the motion must not exceed its continuous torque, or its windings get
-too hot. If the fastest motion violates this limit, `ThermalSearch` trades time for heat. It
+The windings of a motor get too hot if its RMS torque over the motion exceeds its continuous torque.
+If the fastest motion violates this limit, `ThermalSearch` searches a slower one that keeps it. It
 minimises the duration T subject to
 
     h_i ≤ T + P,   h_i = ∫ (τ_i/n_i)² dt,
 
-for every motor i with its torque τ_i and its continuous torque n_i, over all phases, with the pause
-P before the motion repeats. With one multiplier λ in [0, 1) for the constraints of the hot motors,
-every phase minimises T_k + λ/(1 − λ) Σ_i h_ik by itself (Lagrangian relaxation). The phases share
-only λ, and the excess of heat e = max_i h_i/(T + P) − 1 falls with λ. Near the optimum,
+for every motor i with the torque τ_i and the continuous torque n_i. The integral is over the whole
+motion, and P is the pause before the motion repeats. h_i is called the heat of the motor.
+
+The constraints are replaced by a price for heat (Lagrangian relaxation). All hot motors have the
+same multiplier λ, 0 ≤ λ < 1. Each phase k (entry of the motion list) then minimises its own
+T_k + λ/(1 − λ) Σ_i h_ik, where the sum is over the hot motors. The excess of heat
+e = max_i h_i/(T + P) − 1 falls with λ, so the search looks for the λ at which e = 0. Near it,
 dT = −λ/(1 − λ) dh, so a motion with e = −GAP takes longer than the fastest one by a share of less
 than GAP.
 
-Towards λ = 1, time costs nothing, and every phase (entry of the motion list) takes the time in
-which it produces the least heat. If the motors are still too hot then, they only cool if they rest
-or move more slowly. First, the phases in which the hot motors rest take longer, because that adds
-no heat. If the hot motors never rest, or if longer rests do not suffice, all phases take longer and
-are planned again for the least heat.
+Towards λ = 1, time has no price, and every phase takes the time in which it produces the least
+heat. If motors are still too hot then, they only cool if they rest or move more slowly. First, the
+phases in which the hot motors rest take longer, because that adds no heat. If the hot motors never
+rest, or if longer rests do not suffice, all phases take longer and are planned again for the least
+heat.
 """
 
 from collections.abc import Callable
@@ -34,21 +37,23 @@ from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked_copy
 from ssm_planner.typing import Array
 
 HEAT_MULTIPLIERS: tuple[float, ...] = (0.5, 0.8, 0.95)
-"""Values of the multiplier λ that are tried in turn until the motors are cool enough.
+"""Multipliers λ of the heat (module's docstring), tried in turn until the motors are cool enough.
 
-They bracket the root for the search that follows. λ = 1 would ignore time.
+The search that follows looks for the smallest sufficient λ between the last two of them. λ = 1
+would ignore time.
 """
 SLOWDOWN_SHARES: tuple[float, ...] = (0.2, 1.0, 4.0)
 """Shares by which all phases take longer, tried in turn until the motors are cool enough.
 
-They bracket the root for the search that follows.
+The search that follows looks for the smallest sufficient share between the last two of them.
 """
 
 
 def with_fast_planner(problem: Problem) -> Problem:
     """Return the problem with the planner `fast` in place of `optimal`.
 
-    The structured solver then finds the motion, and Ipopt does not confirm it.
+    The structured solver of this package then finds the motion, and Ipopt does not confirm it.
+    Problems with other planners are returned unchanged.
     """
     return unchecked_copy(problem, planner="fast") if problem.planner == "optimal" else problem
 
@@ -57,38 +62,48 @@ def with_fast_planner(problem: Problem) -> Problem:
 class ThermalSearch:
     """Search for the fastest motion in which no motor gets too hot.
 
-    It begins with a motion that keeps all other limits, but in which the RMS torque of a motor
-    exceeds its continuous torque. `run` returns the result.
+    It begins with a motion in which the RMS torque of a motor exceeds its continuous torque. This
+    motion must keep all other limits. `run` returns the result.
     """
 
     problem: Problem
     """The problem."""
     initial: Outcome
-    """Motion without any weight of heat."""
+    """The motion that was planned without any weight of heat."""
     plan: Callable[[Problem, Array], Outcome]
-    """Plans and checks a problem with weights of the motors' heat, (4,)."""
+    """Function that plans and checks a problem with weights (4,) of the motors' heat.
+
+    A weight is the duration in s that is worth one second of the motor at its continuous torque.
+    """
 
     def __post_init__(self) -> None:
-        """Begin with the motion without any weight of heat."""
+        """Set the state of the search to the initial motion."""
         self.hot = set(self.initial.hot_joints)
-        """Names of the joints whose motors were too hot in any motion."""
+        """Names of the joints whose motors were too hot in any motion so far."""
         self.best = 0.0, self.initial
-        """Multiplier λ and motion with the smallest sum of duration and necessary rest so far."""
+        """The best motion so far, after its multiplier λ of the heat.
+
+        It has the smallest sum of its duration and of the rest that the hottest motor needs.
+        """
 
     def run(self) -> Outcome | None:
-        """Return the fastest certified motion, or None if none was found.
+        """Search the fastest motion in which no motor gets too hot.
 
-        Three families of motions are tried in turn: with a weight of heat, with longer rests of the
-        hot motors, and with all phases slower. Ipopt confirms only the last motion.
+        Three families of motions are tried in turn. The first one gives heat a weight, the second
+        one makes the rests of the hot motors longer, and the third one makes all phases slower. The
+        fast planner is used until a motion is found. Ipopt then confirms that motion, if the
+        problem asks for it.
 
         Returns
         -------
         Outcome or None
-            The checked motion. None if all motions are too hot or exceed another limit.
+            The motion, which has passed the check. None if all motions are too hot or exceed
+            another limit.
         """
         problem, quick = self.problem, with_fast_planner(self.problem)
         if problem.duration is not None or all(motion.duration for motion in problem.motion):
-            # Weights of any size only shift heat from one instant to another.
+            # All durations are prescribed, so a weight of heat cannot make the motion slower. It
+            # only moves heat from one instant to another, and its size does not matter.
             outcome = self._plan_with_multiplier(problem, HEAT_MULTIPLIERS[0])
             return outcome if outcome.passed else None
         families = (
@@ -107,10 +122,9 @@ class ThermalSearch:
         return None
 
     def _plan_with_multiplier(self, problem: Problem, multiplier: float) -> Outcome:
-        """Plan with a multiplier λ of the heat of the hot motors, and remember the best motion.
+        """Plan with a multiplier λ of the heat of the hot motors.
 
-        The best motion is the one with the shortest sum of its duration and of the rest after which
-        the hottest motor is cool enough.
+        The method adds the motors that are too hot in the result to `hot`, and updates `best`.
 
         Parameters
         ----------
@@ -131,14 +145,15 @@ class ThermalSearch:
         return outcome
 
     def _extend_rests(self, problem: Problem, share: float) -> Outcome:
-        """Return the best motion, with longer phases in which all hot motors rest.
+        """Make the phases of the best motion longer in which all hot motors rest.
 
-        Without such phases, the motion is returned unchanged.
+        If there are no such phases, the motion is returned unchanged.
 
         Parameters
         ----------
         problem : Problem
-            The problem, with the planner that computes the motion.
+            The problem, with the planner that computes the motion. If it is not the fast planner,
+            the best motion is planned again first.
         share : float
             Share of the necessary rest. With 1, the hottest motor becomes just cool enough.
 
@@ -151,6 +166,7 @@ class ThermalSearch:
         if problem is not with_fast_planner(problem):
             base = self._plan_with_multiplier(problem, multiplier)
         hot = self._hot_weights(1.0) > 0
+        # A joint rests if all coefficients of its polynomials except for the constant ones are 0.
         resting = [
             _may_take_longer(phase) and not phase.motion.coefficients[:, 1:, hot].any()
             for phase in base.planned.phases
@@ -163,9 +179,10 @@ class ThermalSearch:
         return self._check_slower_phases(base, resting, 1 + share * rest / duration)
 
     def _plan_for_least_heat(self, problem: Problem, share: float) -> Outcome:
-        """Plan for the least heat, in phases that take longer by a share than in the best motion.
+        """Plan for the least heat in phases that take longer than those of the best motion.
 
-        If the motions cannot be planned one by one, the best motion is slowed down instead.
+        Some motions cannot be planned for a given duration, for example those along tables of
+        points or with rounded corners. The best motion is slowed down along its path instead then.
 
         Parameters
         ----------
@@ -182,12 +199,15 @@ class ThermalSearch:
         base = self.best[1]
         phases = base.planned.phases
         replannable = all(isinstance(entry, (Free, Straight, Dwell)) for entry in problem.motion)
-        if not replannable or len(phases) != len(problem.motion):  # Corners join phases.
+        # Entries of the motion list with rounded corners between them form one phase, so the
+        # numbers of phases and entries may differ.
+        if not replannable or len(phases) != len(problem.motion):
             return self._check_slower_phases(base, list(map(_may_take_longer, phases)), 1 + share)
         durations = [(1 + share) * phase.duration for phase in phases]
         motion = tuple(map(with_duration, problem.motion, durations))
         outcome = self.plan(unchecked_copy(problem, motion=motion), self._hot_weights(1.0))
-        # The durations belong to the search, so the lower bounds are those of the fastest motion.
+        # The search has chosen the durations, not the user. The lower bounds must therefore be
+        # those of the phases without prescribed durations.
         bounds = zip(outcome.planned.phases, phases, strict=False)
         slower = tuple(replace(new, lower_bound=old.lower_bound) for new, old in bounds)
         return replace(outcome, planned=replace(outcome.planned, phases=slower))
@@ -198,9 +218,9 @@ class ThermalSearch:
         Parameters
         ----------
         base : Outcome
-            The motion.
+            The motion that is slowed down.
         longer : list of bool
-            True for each phase that is slowed down.
+            For each phase, True if it is slowed down.
         factor : float
             Factor on the durations of these phases.
 
@@ -218,34 +238,42 @@ class ThermalSearch:
         )
 
     def _hot_weights(self, weight: float) -> Array:
-        """Return the weights of the motors' heat relative to time, (4,).
+        """Give every motor that was too hot in any motion the same weight of its heat.
 
         Parameters
         ----------
         weight : float
-            Weight of every motor that was too hot in any motion. The others have the weight 0.
+            Weight of these motors relative to time, for example λ / (1 − λ).
+
+        Returns
+        -------
+        (4,) array
+            Weights of all motors. Those that were never too hot have the weight 0.
         """
         return weight * np.array([joint.name in self.hot for joint in self.problem.robot.joints])
 
     def _duration_with_rest(self, outcome: Outcome) -> float:
-        """Return the duration with a rest that makes the hottest motor cool enough, s.
+        """Return the duration of a motion and of the rest that its hottest motor needs, s.
 
-        A rest adds no heat. With the excess of heat e, the duration T and the pause P before the
-        motion repeats, the rest takes e (T + P).
+        The robot rests after the motion until the hottest motor is cool enough. A rest adds no
+        heat. With the excess of heat e, the duration T and the pause P before the motion repeats,
+        the rest must therefore take e (T + P).
 
         Parameters
         ----------
         outcome : Outcome
-            A planned motion with its certificate.
+            A planned motion with its certificate, or a failure.
 
         Returns
         -------
         float
-            Duration, s. Infinite if there is no motion, or if the motion exceeds another limit.
+            Duration T + e (T + P), s. Infinite if there is no motion, or if the motion exceeds
+            another limit.
         """
         if outcome.excess_heat is None:
             return np.inf
         duration = sum(phase.duration for phase in outcome.planned.phases)
+        # The small increase keeps rounding errors from making the rest too short.
         excess = max(outcome.excess_heat, 0.0) + EQUALITY_TOLERANCE
         return duration + excess * (duration + (self.problem.duty or 0.0))
 
@@ -256,16 +284,18 @@ def _find_smallest_cool(
     """Find the smallest number for which no motor gets too hot, and the motion for this number.
 
     The number is a multiplier of heat, a share of the necessary rest, or a share by which all
-    phases take longer. A motion is called cool if it passes the check. The excess of heat,
-    h / (T + P) − 1 with the symbols of the module's docstring, falls with the number. Its root is
-    bracketed between two of the `numbers` and found by the Illinois method, a variant of false
-    position. The result is on the cool side of the root, with an excess above −GAP, or within GAP
-    of a number whose motion is too hot.
+    phases take longer. The excess of heat, h / (T + P) − 1 with the symbols of the module's
+    docstring, falls with the number. A motion that passes the check is called cool.
+
+    The first of the `numbers` with a cool motion, and the number before it, enclose the number at
+    which the excess is 0. The Illinois method, a variant of false position, finds that number. The
+    method ends with a cool motion whose excess is at least −GAP, or whose number exceeds one with a
+    hot motion by at most GAP.
 
     Parameters
     ----------
     motion : callable
-        Returns the checked motion for a number.
+        Function that plans the motion for a number, and checks it.
     numbers : tuple of float
         Increasing numbers, tried in turn until one gives a cool motion.
     hottest : Outcome
@@ -275,7 +305,7 @@ def _find_smallest_cool(
     -------
     tuple of float and Outcome, or None
         The number and its motion. None if no number gives a cool motion, if the excess changes by
-        less than `GAP` from one number to the next, or if a motion exceeds another limit.
+        at most `GAP` from one number to the next, or if a motion exceeds another limit.
     """
     # The root lies between `lower`, whose motion has the excess `excess_at_lower` > 0, and `upper`,
     # whose motion stays below the allowed heat by the share `margin_at_upper` ≥ 0.
@@ -292,10 +322,13 @@ def _find_smallest_cool(
         return None
     margin_at_upper, last = -(outcome.excess_heat or 0.0), ""
     while upper - lower > GAP and -(outcome.excess_heat or 0.0) > GAP:
+        # Root of the line through both values of the excess, as a share of the interval. The limits
+        # 0.02 and 0.98 make the interval smaller even if this root lies at one of its ends.
         secant = excess_at_lower / (excess_at_lower + margin_at_upper)
         middle = lower + float(np.clip(secant, 0.02, 0.98)) * (upper - lower)
         trial = motion(middle)
-        # The Illinois method halves the value of an end of the interval that stays twice.
+        # If the same end of the interval stays twice, the Illinois method halves the value there.
+        # Otherwise this end might stay for many steps, which would make the method slow.
         if trial.passed:
             upper, outcome, margin_at_upper = middle, trial, -(trial.excess_heat or 0.0)
             excess_at_lower, last = excess_at_lower / (2 if last == "cool" else 1), "cool"
@@ -306,7 +339,16 @@ def _find_smallest_cool(
 
 
 def _may_take_longer(phase: PlannedPhase) -> bool:
-    """Return True if nothing prescribes the duration or the speed of a phase."""
+    """Return True if a phase may be slowed down.
+
+    This requires that the problem prescribes neither the duration nor a constant speed of the phase
+    (entry of the motion list), and that it begins and ends at rest.
+
+    Parameters
+    ----------
+    phase : PlannedPhase
+        The phase with its motion.
+    """
     motion = phase.phase.motion
     prescribed = motion.duration or getattr(motion, "constant_speed", None)
     return not prescribed and phase.phase.begins_and_ends_at_rest
