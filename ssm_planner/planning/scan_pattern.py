@@ -23,8 +23,8 @@ from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.problem import TASK_COORDINATES, Dwell, Eye, Free, Motion, Problem, Scan, Task, Tip
 from ssm_planner.typing import Array, Indices
 
-TOUR_STARTS = 8
-"""Number of different first spots with which the search for a short order begins.
+TOUR_TRIALS = 200
+"""Number of random changes that the search for a short order of the spots tries.
 
 The time of the search is proportional to this number.
 """
@@ -373,10 +373,10 @@ def search_short_tour(times: Array) -> Indices:
     """Search for a short tour from place 0 through all others (travelling salesman problem).
 
     A tour is an order of the places. It ends at the last place and does not return to place 0. The
-    search improves several tours: the places in their given order, and tours that begin at one of
-    the `TOUR_STARTS` places nearest to place 0 and always continue to the nearest place. It applies
-    2-opt (a part of the tour is reversed) and Or-opt (up to three consecutive places are moved)
-    until neither helps, and returns the shortest tour.
+    search is an iterated local search. It begins with the places in their given order, improved by
+    `_improve_tour`. In each of `TOUR_TRIALS` trials it exchanges two neighbouring parts of the
+    shortest tour so far at random, and improves the result. The random numbers are the same in
+    every search.
 
     Parameters
     ----------
@@ -393,42 +393,30 @@ def search_short_tour(times: Array) -> Indices:
     Source: D. S. Johnson, L. A. McGeoch, The Traveling Salesman Problem: A Case Study in Local
     Optimization, 1997.
     """
-    nearest = np.argsort(times[0, 1:])[:TOUR_STARTS] + 1
-    tours = [np.arange(len(times)), *(_nearest_neighbour_tour(times, int(k)) for k in nearest)]
-    improved = [_improve_tour(tour, times) for tour in tours]
-    durations = [float(times[tour[:-1], tour[1:]].sum()) for tour in improved]
-    return np.asarray(improved[int(np.argmin(durations))][1:] - 1)
+    random = np.random.default_rng(0)
+    place_count = len(times)
+    tour = _improve_tour(np.arange(place_count), times)
+    longest_part = place_count // 4 + 1
+    for _ in range(TOUR_TRIALS):
+        # Position of the first part in the tour, and lengths of both parts.
+        part = random.integers(1, (place_count, longest_part + 1, longest_part + 1))
+        start, middle, end = np.cumsum(part)
+        exchanged = [tour[:start], tour[middle:end], tour[start:middle], tour[end:]]
+        trial = _improve_tour(np.concatenate(exchanged), times)
+        if _tour_time(trial, times) < _tour_time(tour, times):
+            tour = trial
+    return np.asarray(tour[1:] - 1)
 
 
-def _nearest_neighbour_tour(times: Array, first: int) -> Indices:
-    """Build the tour that always continues to the nearest place which it has not visited.
-
-    Parameters
-    ----------
-    times : (n, n) array
-        Times between places, s.
-    first : int
-        Place that the tour visits after place 0, at which it begins.
-
-    Returns
-    -------
-    (n,) int array
-        Indices of the places in the order of the tour, 0 first.
-    """
-    tour = [0, first]
-    unvisited = np.ones(len(times), dtype=bool)
-    unvisited[tour] = False
-    while unvisited.any():
-        tour.append(int(np.argmin(np.where(unvisited, times[tour[-1]], np.inf))))
-        unvisited[tour[-1]] = False
-    return np.array(tour)
+def _tour_time(tour: Indices, times: Array) -> float:
+    """Return the time of a tour (n,) with the times (n, n) between its places, s."""
+    return float(times[tour[:-1], tour[1:]].sum())
 
 
 def _improve_tour(tour: Indices, times: Array) -> Indices:
-    """Improve a tour by 2-opt and Or-opt until neither shortens it.
+    """Improve a tour by 2-opt, which reverses a part of the tour, until no reversal shortens it.
 
-    2-opt reverses a part of the tour, and Or-opt moves up to three consecutive places. The tour
-    begins at its first place and may end anywhere.
+    The tour begins at its first place and may end anywhere.
 
     Parameters
     ----------
@@ -442,65 +430,16 @@ def _improve_tour(tour: Indices, times: Array) -> Indices:
     (n,) int array
         The improved tour, with the same first place.
     """
-    n = len(tour)
     # An artificial last place, to which all ways take no time, leaves the end of the tour open.
-    times = np.pad(times, (0, 1))
-    tour = np.append(tour, n)
-    previous = tour[:0]
-    while not np.array_equal(tour, previous):
-        previous = tour
-        for i in range(1, n - 1):
-            # Reverse the places i … j.
-            j = np.arange(i + 1, n)
-            # Time that is saved for each j: two ways are replaced by two others.
-            gain = times[tour[i - 1], tour[i]] + times[tour[j], tour[j + 1]]
-            gain = gain - times[tour[i - 1], tour[j]] - times[tour[i], tour[j + 1]]
-            if gain.max() > ROUNDING_TOLERANCE:
-                end = int(j[np.argmax(gain)])
-                tour = np.concatenate([tour[:i], tour[i : end + 1][::-1], tour[end + 1 :]])
-        for length in (1, 2, 3):
-            for i in range(1, n - length + 1):
-                tour = _move_run(tour, i, length, times)
-    return tour[:-1]
-
-
-def _move_run(tour: Indices, i: int, length: int, times: Array) -> Indices:
-    """Move a run of consecutive places to the position in the tour that shortens it most.
-
-    Parameters
-    ----------
-    tour : (n,) int array
-        The tour. Its first and last place do not move.
-    i : int
-        Position in the tour of the first place of the run.
-    length : int
-        Number of places of the run. It is also tried in reverse.
-    times : (n, n) array
-        Times between places, s.
-
-    Returns
-    -------
-    (n,) int array
-        The improved tour, or `tour` itself if no other position is better.
-    """
-    run = tour[i : i + length]
-    remaining = np.concatenate([tour[:i], tour[i + length :]])
-    # Time that is saved where the run is taken out, and times that it costs at each other position.
-    saved = (
-        times[tour[i - 1], run[0]]
-        + times[run[-1], tour[i + length]]
-        - times[tour[i - 1], tour[i + length]]
-    )
-    predecessors, successors = remaining[:-1], remaining[1:]
-    costs = [
-        times[predecessors, candidate[0]]
-        + times[candidate[-1], successors]
-        - times[predecessors, successors]
-        for candidate in (run, run[::-1])
-    ]
-    # The run is inserted in the direction that costs less.
-    reverse = int(np.min(costs[1]) < np.min(costs[0]))
-    k = int(np.argmin(costs[reverse]))
-    if saved - costs[reverse][k] <= ROUNDING_TOLERANCE:
-        return tour
-    return np.concatenate([remaining[: k + 1], run[::-1] if reverse else run, remaining[k + 1 :]])
+    times, tour = np.pad(times, (0, 1)), np.append(tour, len(tour))
+    while True:
+        between = times[np.ix_(tour, tour)]
+        steps = np.diag(between, 1)
+        # If the places i … j are reversed, two new ways replace those from i − 1 to i and from j to
+        # j + 1. Rows stand for i and columns for j, both from 1 to n − 1.
+        gain = np.triu(steps[:-1, None] + steps[1:] - between[:-2, 1:-1] - between[1:-1, 2:])
+        i, j = np.unravel_index(np.argmax(gain), gain.shape)
+        if gain[i, j] <= ROUNDING_TOLERANCE:
+            return tour[:-1]
+        # Index 0 of the table stands for position 1 in the tour.
+        tour[i + 1 : j + 2] = tour[i + 1 : j + 2][::-1].copy()
