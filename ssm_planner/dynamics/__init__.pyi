@@ -11,6 +11,7 @@ from .friction import (
 )
 from .motors import (
     REST_FRACTION as REST_FRACTION,
+    MotorMotion as MotorMotion,
     motion_directions as motion_directions,
     motion_directions_symbolic as motion_directions_symbolic,
     drive_torque as drive_torque,

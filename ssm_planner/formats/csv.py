@@ -19,7 +19,7 @@ from typing import TextIO
 import numpy as np
 
 from ssm_planner.atomic import replacing
-from ssm_planner.dynamics import RigidBody, motion_directions, motor_motion
+from ssm_planner.dynamics import MotorMotion, RigidBody, motion_directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.agreement import ExportContent, file_name_suffix, read_rate
 from ssm_planner.formats.epos4_setup import (
@@ -102,13 +102,7 @@ def motion_table(
             header += [f"{symbol}{name}{per}" for name in names]
             values += list(getattr(samples, symbol).T)
     if any(group in columns for group in MOTOR_UNITS):
-        direction_after, breakaway = motion_directions(robot, samples, 1)
-        direction_before, _ = motion_directions(robot, samples, -1)
-        is_end = (samples.t == samples.t[-1])[:, None]
-        direction = np.where(is_end, direction_before, direction_after)
-        breaks_away = breakaway.astype(bool) & ~is_end
-        body = RigidBody.from_robot(robot)
-        motor = motor_motion(robot, body, samples, direction, breaks_away)
+        motor = motor_states(samples, robot)
         driven_joints = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
         for group, unit in MOTOR_UNITS.items():
             if group in columns:
@@ -121,6 +115,30 @@ def motion_table(
         header += ["tip_x_m", "tip_y_m", "tip_z_m"]
         values += list(tip_position(mechanism, samples.q).T)
     return header, np.stack(values, axis=1)
+
+
+def motor_states(samples: Samples, robot: Robot) -> MotorMotion:
+    """Compute the motion and the torque of every motor with exact friction.
+
+    Parameters
+    ----------
+    samples : Samples
+        n samples of the joint motion.
+    robot : Robot
+        Robot that performs the motion.
+
+    Returns
+    -------
+    MotorMotion
+        Angles, speeds and torques (n, 4). Torques are those just after the instant, but just before
+        it at the last instant. Values of a joint without a drive are NaN.
+    """
+    direction_after, breakaway = motion_directions(robot, samples, 1)
+    direction_before, _ = motion_directions(robot, samples, -1)
+    is_end = (samples.t == samples.t[-1])[:, None]
+    direction = np.where(is_end, direction_before, direction_after)
+    breaks_away = breakaway.astype(bool) & ~is_end
+    return motor_motion(robot, RigidBody.from_robot(robot), samples, direction, breaks_away)
 
 
 def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | None = None) -> Path:

@@ -273,7 +273,7 @@ class Setpoints:
             counts, speed, torque = self.streams[name].values()
             q[:, i] = counts / axis.increments_per_unit
             resolution[i] = 0.5 / abs(axis.increments_per_unit)
-            offsets[i] = _joint_offsets(self.robot.joints[i], speed, torque)
+            offsets[i] = _joint_offsets(axis, speed, torque)
         return q, resolution, offsets
 
 
@@ -722,13 +722,13 @@ def read_joint_tables(
     return axes, times[0], tables
 
 
-def _joint_offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
+def _joint_offsets(axis: Axis, speed: Array, torque: Array) -> Offsets:
     """Convert the velocity and torque offsets of a drive's setpoints to quantities of the joint.
 
     Parameters
     ----------
-    joint : Joint
-        Joint with a drive and a motor.
+    axis : Axis
+        Axis of the joint.
     speed : (n,) array
         Velocity offsets, 1e-3 rpm at the motor.
     torque : (n,) array
@@ -739,8 +739,7 @@ def _joint_offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
     Offsets
         Offsets in SI units with their rounding errors, which are half a unit of the integers.
     """
-    assert joint.drive is not None
-    assert joint.motor is not None
-    to_speed = joint.motor_direction * rpm / (1000 * joint.drive.ratio)
-    to_torque = joint.motor_direction * joint.motor.nominal_torque / 1000
+    assert axis.joint.drive is not None
+    to_speed = axis.direction * rpm / (1000 * axis.joint.drive.ratio)
+    to_torque = axis.direction * axis.rated_torque / 1000
     return Offsets(speed * to_speed, torque * to_torque, 0.5 * abs(to_speed), 0.5 * abs(to_torque))

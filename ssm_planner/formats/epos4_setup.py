@@ -265,9 +265,8 @@ HOMING_AT_CURRENT_POSITION = 37
 """Homing method (object 0x6098) that defines the present position as the home position."""
 OBJECT_BITS = {
     **dict.fromkeys(("0x6060:00", "0x6061:00"), 8),
-    **dict.fromkeys(("0x607A:00", "0x60FF:00", "0x60B1:00"), 32),
+    **dict.fromkeys(("0x607A:00", "0x60FF:00", "0x60B1:00", "0x6064:00", "0x606C:00"), 32),
 }
-OBJECT_BITS |= dict.fromkeys(("0x6064:00", "0x606C:00"), 32)
 """Number of bits of each mapped object. Other objects have 16 bits."""
 COMMAND_OBJECTS = ("0x6040:00", "0x6060:00")
 """Objects with the control word and the mode of operation, which the controller sends."""

@@ -15,13 +15,14 @@ import numpy as np
 
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.errors import ProblemError, TrajectoryError
-from ssm_planner.formats.csv import motion_table
+from ssm_planner.formats.csv import motor_states
 from ssm_planner.formats.points import Points, Reading, interpolate_points
-from ssm_planner.formats.spline_points import SplinePoints
+from ssm_planner.formats.spline_points import Law, SplinePoints
 from ssm_planner.loading.json_files import read_bytes
 from ssm_planner.loading.yaml_nodes import parse_yaml
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Robot
+from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, JsonObject, record
 
 NANOSECONDS_PER_SECOND = 10**9
@@ -64,8 +65,36 @@ class TrajectoryMessage:
     effort: list[Sequence[float]]
 
 
+def joint_efforts(robot: Robot, rigid: bool, samples: Samples) -> Array:
+    """Compute the efforts that joint_trajectory_controller may send to the joints.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot that performs the motion.
+    rigid : bool
+        True for the efforts of the rigid bodies. Otherwise, the efforts are the motor torques with
+        exact friction times the ratios of the drives. A joint without a drive always has its
+        rigid-body effort.
+    samples : Samples
+        n samples of the motion.
+
+    Returns
+    -------
+    (n, 4) array
+        Efforts, N·m and N.
+    """
+    efforts = RigidBody.from_robot(robot).inverse_dynamics(samples.q, samples.qd, samples.qdd)
+    if not rigid:
+        torque = motor_states(samples, robot).torque
+        for i, joint in enumerate(robot.joints):
+            if joint.drive is not None:
+                efforts[:, i] = torque[:, i] * joint.drive.ratio
+    return efforts
+
+
 def trajectory_message(
-    plan: Plan, points: SplinePoints, effort: bool, rigid: bool = False
+    plan: Plan, points: SplinePoints, law: Law | None = None
 ) -> TrajectoryMessage:
     """Build the JointTrajectory message with the points of an exported plan.
 
@@ -75,11 +104,8 @@ def trajectory_message(
         Plan that is exported.
     points : SplinePoints
         Points of the plan between which the controller interpolates.
-    effort : bool
-        True if the message contains the motor torques times the ratios of the drives, N·m and N.
-        They include the exact friction. A joint without a drive has its rigid-body effort.
-    rigid : bool
-        True if the message contains the rigid-body efforts of all joints instead.
+    law : callable, optional
+        Law of the efforts. By default, the message contains no efforts.
 
     Returns
     -------
@@ -89,25 +115,13 @@ def trajectory_message(
     """
     samples = points.samples
     empty: list[Sequence[float]] = [[] for _ in samples.t]
-    effort_rows = empty
-    if effort or rigid:
-        body = RigidBody.from_robot(plan.robot)
-        efforts = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
-        if not rigid:
-            _, torques = motion_table(samples, plan.robot, ("torque",))
-            column = 1  # after the time, the table has one column for each drive
-            for i, joint in enumerate(plan.robot.joints):
-                if joint.drive is not None:
-                    efforts[:, i] = torques[:, column] * joint.drive.ratio
-                    column += 1
-        effort_rows = efforts.tolist()
     return TrajectoryMessage(
         tuple(joint.name for joint in plan.robot.joints),
         samples.t,
         positions=samples.q.tolist(),
         velocities=samples.qd.tolist(),
         accelerations=samples.qdd.tolist() if points.has_accelerations else empty,
-        effort=effort_rows,
+        effort=empty if law is None else law(samples).tolist(),
     )
 
 
@@ -307,16 +321,17 @@ def interpolate_message(
         others = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
         raise TrajectoryError(f"{location}: {faults[0]}{others}")
     order = [message.names.index(joint.name) for joint in robot.joints]
-    q, _ = _reorder_rows(message.positions, order)
-    qd, has_qd = _reorder_rows(message.velocities, order)
-    qdd, has_qdd = _reorder_rows(message.accelerations, order)
+    (q, _), (qd, has_qd), (qdd, has_qdd) = (
+        _reorder_rows(rows, order)
+        for rows in (message.positions, message.velocities, message.accelerations)
+    )
     points = Points(
         message.time,
         q,
-        qd=qd if has_qd.any() else None,
-        qdd=qdd if has_qdd.any() else None,
-        has_qd=None if has_qd.all() else has_qd,
-        has_qdd=None if has_qdd.all() else has_qdd,
+        qd=qd,
+        qdd=qdd,
+        has_qd=has_qd,
+        has_qdd=has_qdd,
         point_name=lambda k: f"{location}: point {k}",
     )
     return interpolate_points(points, robot, notes + tuple(remarks))

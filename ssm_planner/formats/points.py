@@ -283,9 +283,9 @@ def check_points(points: Points, robot: Robot) -> None:
         )
     for block in blocks(n, PIECES_PER_BLOCK):
         check_magnitudes(points.q[block], robot, points.point_name, block.start)
-    if points.qd is not None and points.has_qd is None:
+    if points.qd is not None and np.all(points.has_qd is None or points.has_qd):
         check_derivatives(t, points.q, points.qd, robot, ("positions", "velocities"))
-        if points.qdd is not None and points.has_qdd is None:
+        if points.qdd is not None and np.all(points.has_qdd is None or points.has_qdd):
             check_derivatives(t, points.qd, points.qdd, robot, ("velocities", "accelerations"))
 
 

@@ -145,11 +145,11 @@ def export_pvt(
         f"{len(table.t)} rows, {100 * (table.stretch - 1):.2g} % slower than the plan; "
         f"{table.certificate.interpolation}"
     ]
-    for i, joint in enumerate(plan.robot.joints):
+    planned = sample_slowed_plan(plan, plan.motion.breaks[0] + table.t, table.stretch)
+    for joint, q in zip(plan.robot.joints, planned.q.T, strict=True):
         if joint.name in axes:
-            plan_positions, _ = _plan_samples(plan, table.t, table.stretch, i)
             position = table.rows[joint.name][0] / increments_per_unit(axes, joint.name)
-            deviation = float(np.abs(position - plan_positions).max())
+            deviation = float(np.abs(position - q).max())
             entries["axes"][joint.name]["deviation"] = deviation
             notes.append(
                 f"joint {joint.name}: up to {deviation:.2g} {joint.unit} from the plan at the rows"
@@ -398,29 +398,6 @@ def _candidate_tables(
             yield PvtTable(t, rows, stretch, limits, reading.check(plan.robot, limits))
 
 
-def _plan_samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:
-    """Return positions and velocities of one joint at given instants of the slowed-down plan.
-
-    Parameters
-    ----------
-    plan : Plan
-        Plan that is exported.
-    t : (n,) array
-        Times of the slower motion since its start, s.
-    stretch : float
-        Duration of the slower motion divided by the duration of the plan.
-    i : int
-        Index of the joint, from 0.
-
-    Returns
-    -------
-    positions, velocities : (n,) arrays
-        Samples in rad or m, and rad/s or m/s.
-    """
-    samples = sample_slowed_plan(plan, plan.motion.breaks[0] + t, stretch)
-    return samples.q[:, i], samples.qd[:, i]
-
-
 class _RowFit:
     """Linear program that determines the positions and velocities in the table of one joint.
 
@@ -469,10 +446,10 @@ class _RowFit:
         motion = plan.motion
         n = len(t)
         tau = float(t[-1]) / (n - 1)
-        q, qd = _plan_samples(plan, t, stretch, i)
+        planned = sample_slowed_plan(plan, motion.breaks[0] + t, stretch)
         self.rate = 1 / tau
-        self.positions = q * unit
-        self.velocities = qd * unit * tau
+        self.positions = planned.q[:, i] * unit
+        self.velocities = planned.qd[:, i] * unit * tau
         low, high = sorted(bound * unit for bound in joint.position)
         # The range in whole increments. The tolerance keeps a bound that is itself an increment.
         self.range = np.ceil(low - 1e-6), np.floor(high + 1e-6)

@@ -9,6 +9,7 @@ contains the conversion of the messages.
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,6 +32,7 @@ from ssm_planner.formats.joint_trajectory import (
     TrajectoryMessage,
     controller_rejections,
     interpolate_message,
+    joint_efforts,
     read_yaml_content,
     read_yaml_message,
     split_time,
@@ -121,8 +123,9 @@ def export_ros2(
             f"the rate {rate:g} Hz is out of range (allowed: above 0, up to "
             f"{LARGEST_STATE_RATE:g} Hz)"
         )
-    points = spline_points(plan, certificate)
-    message = trajectory_message(plan, points, effort, rigid_effort)
+    law = partial(joint_efforts, plan.robot, rigid_effort) if effort or rigid_effort else None
+    points = spline_points(plan, certificate, law=law)
+    message = trajectory_message(plan, points, law)
     faults, remarks = controller_rejections(message, [joint.name for joint in plan.robot.joints])
     if faults:
         raise ExportError(
@@ -287,9 +290,7 @@ def write_bag(folder: Path, robot: Robot, message: TrajectoryMessage, rate: floa
             f"a rosbag cannot be written: {INSTALL_HINT} (or export without it: --no-bag)"
         ) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
-    motion = interpolate_message(message, robot, str(folder)).trajectory
-    times = state_times(motion.duration, rate)
-    samples = motion.sample(motion.breaks[0] + times, clamp=True)
+    samples = interpolate_message(message, robot, str(folder)).trajectory.uniform(rate)
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
 
         def topic(name: str, message_type: str, latched: bool = False) -> Any:
@@ -304,16 +305,16 @@ def write_bag(folder: Path, robot: Robot, message: TrajectoryMessage, rate: floa
 
         def put(connection: Any, t: float, content: Any) -> None:
             """Write a message at time t, s."""
-            sec, nanosec = split_time(t)
             data = store.serialize_cdr(content, connection.msgtype)
-            writer.write(connection, sec * NANOSECONDS_PER_SECOND + nanosec, data)
+            writer.write(connection, round(t * NANOSECONDS_PER_SECOND), data)
 
         description = topic("/robot_description", "std_msgs/msg/String", latched=True)
         put(description, 0.0, SimpleNamespace(data=robot_urdf(robot)))
         put(topic("/joint_trajectory", TRAJECTORY_TYPE), 0.0, _ros_trajectory(message))
         states = topic("/joint_states", STATE_TYPE)
         transforms = topic("/tf", "tf2_msgs/msg/TFMessage")
-        for t, q, qd in zip(times, samples.q, samples.qd, strict=True):
+        times = samples.t - samples.t[0]
+        for t, q, qd in zip(times.tolist(), samples.q, samples.qd, strict=True):
             put(states, t, _ros_joint_state(t, message.names, q, qd))
             put(transforms, t, _ros_transforms(t, link_poses(robot, q)))
 
@@ -404,25 +405,6 @@ def _ros_transforms(t: float, poses: Iterator[tuple[str, str, Array, Array]]) ->
             )
         )
     return SimpleNamespace(transforms=transforms)
-
-
-def state_times(duration: float, rate: float) -> Array:
-    """Return equidistant instants from 0 to the end of a motion, and the end itself.
-
-    Parameters
-    ----------
-    duration : float
-        Duration of the motion, s.
-    rate : float
-        Instants per second, Hz.
-
-    Returns
-    -------
-    (n,) array
-        Instants, s.
-    """
-    t = np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate
-    return t if duration - t[-1] < 1e-9 else np.append(t, duration)
 
 
 def link_poses(robot: Robot, q: Array) -> Iterator[tuple[str, str, Array, Array]]:
@@ -601,15 +583,15 @@ def _message_from_ros(trajectory: Any) -> TrajectoryMessage:
         Message with the same values. Times in whole seconds and nanoseconds become times in s.
     """
     points = trajectory.points
-    stamps = [point.time_from_start for point in points]
-    time = np.array(
-        [
-            (stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec) / NANOSECONDS_PER_SECOND
-            for stamp in stamps
-        ]
-    )
+    time = np.array([_nanoseconds(point.time_from_start) for point in points])
     fields = {name: [getattr(point, name) for point in points] for name in POINT_FIELDS}
-    return TrajectoryMessage(tuple(trajectory.joint_names), time, **fields)
+    names = tuple(trajectory.joint_names)
+    return TrajectoryMessage(names, time / NANOSECONDS_PER_SECOND, **fields)
+
+
+def _nanoseconds(stamp: Any) -> int:
+    """Convert a Time or Duration of ROS 2 to nanoseconds."""
+    return int(stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec)
 
 
 def _message_from_states(messages: list[Any]) -> TrajectoryMessage:
@@ -632,9 +614,7 @@ def _message_from_states(messages: list[Any]) -> TrajectoryMessage:
         If the states have different joints, or a list has a wrong length.
     """
     names = tuple(messages[0].name)
-    stamps = [
-        m.header.stamp.sec * NANOSECONDS_PER_SECOND + m.header.stamp.nanosec for m in messages
-    ]
+    time = np.array([_nanoseconds(message.header.stamp) for message in messages])
     empty: list[Sequence[float]] = [[] for _ in messages]
     fields: dict[str, list[Sequence[float]]] = {"position": [], "velocity": []}
     for k, message in enumerate(messages):
@@ -654,7 +634,7 @@ def _message_from_states(messages: list[Any]) -> TrajectoryMessage:
             values.append([] if is_missing else np.asarray(entries)[order].tolist())
     return TrajectoryMessage(
         names,
-        np.array([(stamp - stamps[0]) / NANOSECONDS_PER_SECOND for stamp in stamps]),
+        (time - time[0]) / NANOSECONDS_PER_SECOND,
         positions=fields["position"],
         velocities=fields["velocity"],
         accelerations=empty,

@@ -5,13 +5,16 @@ points for the exports to CSV and ROS 2. The first choice are the breaks of the 
 its acceleration may jump. If they do not suffice, each piece is divided into 2, 4 or 8 parts. The
 spline that the controller will execute is checked like any trajectory. Its cubics differ slightly
 from the quintics of the plan. If they exceed a limit by a small amount, the motion is slowed down
-until it keeps the limit.
+until it keeps the limit. Further points keep the error of quantities that the controller
+interpolates linearly, such as efforts, below a bound.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from ssm_planner.dynamics import REST_FRACTION
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.points import Points, interpolate_points
 from ssm_planner.plans import Plan
@@ -35,6 +38,15 @@ REST_SPEED = 1e-7
 """Speed up to which a joint counts as resting at an end of a motion, rad/s or m/s."""
 TIME_ROUNDING = 1e-9
 """Coarsest resolution to which times are rounded, s."""
+LINEAR_TOLERANCE = 0.005
+"""Largest error of linear interpolation between points, relative to the largest value."""
+JUMP_INTERVAL = 1e-4
+"""Smallest distance of an additional point from its neighbours, s.
+
+Linear interpolation cannot follow a jump. It lasts less than twice this interval between points.
+"""
+Law = Callable[[Samples], Array]
+"""Function that returns a quantity of each joint (n, 4), such as its effort, for n samples."""
 
 
 @record
@@ -62,7 +74,9 @@ class SplinePoints:
         return text
 
 
-def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-9) -> SplinePoints:
+def spline_points(
+    plan: Plan, certificate: Certificate, tick: float | None = 1e-9, law: Law | None = None
+) -> SplinePoints:
     """Choose points of a plan for a controller that joins them by cubics or quintics.
 
     Parameters
@@ -74,6 +88,9 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
         the spline exceeds a limit.
     tick : float, optional
         Resolution of the times that the controller accepts, s. None disables rounding.
+    law : callable, optional
+        Quantities that the controller interpolates linearly. Points are added until the error of
+        this interpolation is at most `LINEAR_TOLERANCE`.
 
     Returns
     -------
@@ -85,24 +102,26 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     ExportError
         If every spline exceeds a limit.
     """
-    is_smooth = _acceleration_jump(plan) <= SMOOTH_ACCELERATION_JUMP
-    trials = [_try_points(plan, 1, True, 1.0, tick)] if is_smooth else []
-    for divisions in DIVISIONS:
-        if trials and (trials[-1].certificate.passed or not certificate.passed):
-            return trials[-1]
-        trials.append(_try_points(plan, divisions, False, 1.0, tick))
+    choices = [(divisions, False) for divisions in DIVISIONS]
+    if _acceleration_jump(plan) <= SMOOTH_ACCELERATION_JUMP:
+        choices.insert(0, (1, True))
+    trials = []
+    for choice in choices:
+        trials.append(_try_points(plan, *choice, 1.0, tick))
+        if trials[-1].certificate.passed or not certificate.passed:
+            break
     candidate = max(trials, key=lambda trial: trial.certificate.worst.margin)
-    # The trials are the quintics through the breaks, if the acceleration does not jump there, and
-    # then one trial for each entry of DIVISIONS.
-    divisions = 1 if candidate.has_accelerations else DIVISIONS[trials.index(candidate) - is_smooth]
+    choice = choices[trials.index(candidate)]
+    if law is not None:
+        candidate = _try_points(plan, *choice, 1.0, tick, law=law)
     for _ in range(MAX_SLOWDOWN_TRIALS):
-        if candidate.certificate.passed:
+        if candidate.certificate.passed or not certificate.passed:
             return candidate
         factors = [_stretch_factor(plan, limit) for limit in candidate.certificate.violations]
         stretch = candidate.stretch * max(factors)
         if stretch > 1 + LARGEST_SLOWDOWN:
             break
-        candidate = _try_points(plan, divisions, candidate.has_accelerations, stretch, tick)
+        candidate = _try_points(plan, *choice, stretch, tick, law=law)
     raise ExportError(
         f"{plan.path}: the spline through {len(candidate.samples.t)} points exceeds "
         f"{candidate.certificate.worst.excess}: no points that keep it were found"
@@ -140,7 +159,12 @@ def sample_slowed_plan(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
 
 
 def _try_points(
-    plan: Plan, divisions: int, has_accelerations: bool, stretch: float, tick: float | None
+    plan: Plan,
+    divisions: int,
+    has_accelerations: bool,
+    stretch: float,
+    tick: float | None,
+    law: Law | None = None,
 ) -> SplinePoints:
     """Divide the pieces of a plan into equal parts, and check the spline through the points.
 
@@ -156,6 +180,8 @@ def _try_points(
         Duration of the spline divided by the duration of the plan.
     tick : float or None
         Resolution of the times that the controller accepts, s. None disables rounding.
+    law : callable, optional
+        Quantities that the controller interpolates linearly, which may require more points.
 
     Returns
     -------
@@ -166,6 +192,8 @@ def _try_points(
     fractions = np.arange(divisions) / divisions
     t = np.append(breaks[:-1, None] + fractions * np.diff(breaks)[:, None], breaks[-1])
     t = (t - breaks[0]) * stretch
+    if law is not None:
+        t = _add_points(plan, t, stretch, law)
     if tick is not None:
         t = np.round(t / tick) * tick
     samples = replace(sample_slowed_plan(plan, breaks[0] + t, stretch), t=t)
@@ -176,6 +204,53 @@ def _try_points(
     reading = interpolate_points(Points(t, samples.q, samples.qd, qdd), plan.robot)
     certificate = reading.check(plan.robot, plan.limits.slower(stretch))
     return SplinePoints(samples, has_accelerations, stretch, certificate)
+
+
+def _add_points(plan: Plan, t: Array, stretch: float, law: Law) -> Array:
+    """Add points where the linear interpolation of a law between points deviates from the law.
+
+    An interval whose error exceeds the tolerance is divided at the instant of the largest error,
+    until the error is small enough or the interval is shorter than twice `JUMP_INTERVAL`.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is exported.
+    t : (n,) array
+        Times of the points of the slower motion since its start, s.
+    stretch : float
+        Duration of the slower motion divided by the duration of the plan.
+    law : callable
+        Quantities that are interpolated.
+
+    Returns
+    -------
+    (m,) array
+        Times of all points, s.
+    """
+    robot = plan.robot
+    begin = plan.motion.breaks[0]
+    is_new = np.full(len(t), True)
+    while True:
+        k = np.flatnonzero((np.diff(t) > 2 * JUMP_INTERVAL) & (is_new[:-1] | is_new[1:]))
+        if not len(k):
+            # The law may jump at a point. Rounding must not move the point before the jump.
+            return np.append(t[0], t[1:] + 0.51 * TIME_ROUNDING)
+        values = law(sample_slowed_plan(plan, begin + t, stretch))
+        times = np.linspace(t[k] + JUMP_INTERVAL, t[k + 1] - JUMP_INTERVAL, 9, axis=1)
+        samples = sample_slowed_plan(plan, begin + times.ravel(), stretch)
+        line = np.stack([np.interp(times.ravel(), t, column) for column in values.T], axis=1)
+        tolerance = LINEAR_TOLERANCE * np.abs(values).max(axis=0) + 1e-12
+        error = np.abs(law(samples) - line) / tolerance
+        # A joint counts as resting shortly before it stops. The law then describes a start.
+        rests = np.abs(samples.qd) <= REST_FRACTION * robot.velocities
+        rests &= np.abs(samples.qdd) > REST_FRACTION * robot.accelerations
+        error[rests] = 0
+        largest = error.max(axis=1).reshape(times.shape)
+        wrong = largest.max(axis=1) > 1
+        middle = times[wrong, largest[wrong].argmax(axis=1)]
+        t = np.sort(np.append(t, middle))
+        is_new = np.isin(t, middle)
 
 
 def _acceleration_jump(plan: Plan) -> float:

@@ -91,7 +91,8 @@ def check_torque_bands(
     for width in WINDOW_WIDTHS:
         if 2 * width >= len(t):
             continue
-        centres = np.union1d(np.arange(width, len(t) - width, width), len(t) - 1 - width)
+        last = len(t) - 1 - width
+        centres = np.append(np.arange(width, last, width), last)
         maxima = np.full((3, 4), -np.inf)
         times = np.zeros((3, 4))
         for block in blocks(len(centres), PIECES_PER_BLOCK):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner import ExportError, Format, Plan, fk, motor_torque
-from ssm_planner.formats.ros2 import LARGEST_STATE_RATE, link_poses, quaternion, state_times
+from ssm_planner.formats.ros2 import LARGEST_STATE_RATE, link_poses, quaternion
 from ssm_planner.formats.urdf import robot_urdf
 
 NANO = 1_000_000_000
@@ -50,8 +50,8 @@ def write(
     robot, motion = plan.robot, plan.motion
     mark = "UNVERIFIED: the exported plan has no passed certificate." if suffix else ""
     (folder / f"robot{suffix}.urdf").write_text(robot_urdf(robot, mark), encoding="utf-8")
-    times = state_times(motion.duration, rate)
-    s = motion.sample(motion.breaks[0] + times, clamp=True)
+    s = motion.uniform(rate)
+    times = s.t - s.t[0]
     values = {"q": s.q, "qd": s.qd, "qdd": s.qdd}
     values["motor_torque"] = motor_torque(robot, s.q, s.qd, s.qdd)
     tips = fk(robot, s.q).position

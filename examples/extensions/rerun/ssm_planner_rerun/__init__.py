@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner import ExportError, Format, Plan, fk, motor_torque
-from ssm_planner.formats.ros2 import LARGEST_STATE_RATE, state_times
+from ssm_planner.formats.ros2 import LARGEST_STATE_RATE
 from ssm_planner.formats.urdf import robot_urdf
 
 TIMELINE = "plan"
@@ -48,8 +48,8 @@ def write(
     mark = "UNVERIFIED: the exported plan has no passed certificate." if suffix else ""
     path = folder / f"robot{suffix}.urdf"
     path.write_text(robot_urdf(robot, mark), encoding="utf-8")
-    times = state_times(motion.duration, rate)
-    s = motion.sample(motion.breaks[0] + times, clamp=True)
+    s = motion.uniform(rate)
+    times = s.t - s.t[0]
     channels = {"q": s.q, "qd": s.qd, "qdd": s.qdd}
     channels["motor_torque"] = motor_torque(robot, s.q, s.qd, s.qdd)
     recording = rr.RecordingStream("ssm_planner", recording_id=plan.sha256)
