@@ -167,18 +167,6 @@ class _FreeProblemBuilder:
         return limits_jerk(self.phase.problem.robot)
 
     @property
-    def is_structured(self) -> bool:
-        """True if the structured solver (`ocp.structured`) solves the problem first, not Ipopt.
-
-        If jerk is limited, a motion may begin at an acceleration that is not 0. Ipopt solves such a
-        problem, because the structured solver can only begin at 0. To estimate the duration, the
-        structured solver is used anyway and ignores the initial acceleration.
-        """
-        return self.method == "estimated" or (
-            self.method != "Ipopt" and not self.phase.qdd_start.any()
-        )
-
-    @property
     def least_count(self) -> int:
         """Smallest number of elements (time intervals) between two switching points.
 
@@ -338,7 +326,7 @@ class _FreeProblemBuilder:
             lengths=lengths / lengths.sum(),
             joint_limits=self.limits,
             time_scale=float(lengths.sum()),
-            method=self.method if self.is_structured else "Ipopt",
+            method=self.method,
             phase=self.phase,
             chain=chain,
             directions=chain.directions,
@@ -367,10 +355,11 @@ class _FreeProblemBuilder:
         """
         # Ipopt gets one unknown for each arc. Estimates, and motions whose guess is an earlier
         # motion, get a single unknown for each segment.
-        if not self.is_structured or self.method == "estimated" or self.borders.guess is not None:
-            return self.is_structured
+        if self.method in ("Ipopt", "estimated") or self.borders.guess is not None:
+            return self.method != "Ipopt"
         # Ports are no reversals. Other borders with a free position are.
         reverses = not np.delete(chain.fixed, chain.ports, axis=0).all()
         # With a single unknown for each segment, a jerk-limited motion through several points would
-        # be up to 0.13 % longer.
-        return not reverses and not (self.jerk and len(self.displacements) > 1)
+        # be up to 0.13 % longer, and one that begins with an acceleration up to 4 %.
+        needs_arcs = len(self.displacements) > 1 or self.phase.qdd_start.any()
+        return not (reverses or (self.jerk and needs_arcs))

@@ -74,15 +74,8 @@ def guess_between(
         The segments between the reversals, with their guesses. One segment if no joint reverses.
     """
     accelerations = np.zeros(len(start)) if initial_acceleration is None else initial_acceleration
-    profiles = [
-        JointProfile.from_limits(
-            float(displacement[k]),
-            (float(speeds[0, k]), float(speeds[1, k])),
-            limits[:, k],
-            float(accelerations[k]),
-        )
-        for k in range(len(start))
-    ]
+    joints = displacement.tolist(), map(tuple, speeds.T.tolist()), limits.T, accelerations.tolist()
+    profiles = [JointProfile.from_limits(*joint) for joint in zip(*joints, strict=True)]
     slowest = max(profiles, key=lambda profile: profile.duration)
     duration = slowest.duration
     curves = [

@@ -33,7 +33,11 @@ class JointProfile:
     """Family of motions of one joint over a given displacement, one motion for each duration.
 
     The joint changes its velocity to a peak, cruises at this velocity, and changes its velocity
-    again. Jerk is only limited in motions from rest to rest, and in motions that begin with a stop.
+    again. Jerk is only limited in motions from rest to rest, and in the prelude.
+
+    With a jerk limit, a motion that begins at speed or with an acceleration has a prelude. If the
+    joint must reverse, the prelude is its quickest stop. Otherwise, the acceleration falls to 0 at
+    the largest jerk. The other fields describe the motion after the prelude.
     """
 
     displacement: float
@@ -48,14 +52,10 @@ class JointProfile:
     """Limit of |q⃛|, rad/s³ or m/s³. Infinite without a limit."""
     sign: float
     """Direction of the peak velocity: +1 or −1."""
-    stop: SCurve | None = None
-    """Quickest stop with which the motion begins, or None.
-
-    It is only given if the joint must reverse because of its jerk limit. The joint then moves on
-    from rest to rest.
-    """
-    stop_reversals: tuple[float, ...] = ()
-    """Times from the start at which the joint reverses during this stop or at its end, s."""
+    prelude: SCurve | None = None
+    """Motion with limited jerk before the profile."""
+    prelude_reversals: tuple[float, ...] = ()
+    """Times from the start at which the joint reverses during and at the end of the prelude, s."""
 
     @classmethod
     def from_limits(
@@ -84,64 +84,72 @@ class JointProfile:
             The motions, with the direction of their peak velocity.
         """
         velocity, acceleration, jerk = limits.tolist()
-        sign = _peak_sign(displacement, speeds, acceleration)
         # A given velocity may exceed the limit by rounding, so the limit is raised to it.
         fastest = max(velocity, *map(abs, speeds))
-        # The motion as if it did not begin with a stop.
+        sign = _peak_sign(displacement, speeds, acceleration)
         profile = cls(displacement, speeds, fastest, acceleration, jerk=jerk, sign=sign)
         start, end = speeds
-        first_direction = np.sign(start or initial_acceleration)
-        if math.isinf(jerk) or not first_direction or end:
+        if math.isinf(jerk) or end or not (start or initial_acceleration):
             return profile
-        stop = quickest_stop(start, initial_acceleration, acceleration, jerk)
+        first_direction = math.copysign(1.0, start or initial_acceleration)
+        prelude = quickest_stop(start, initial_acceleration, acceleration, jerk)
         # The last piece of the stop brakes, so its velocity has the opposite sign of its
         # acceleration.
-        last_direction = -float(np.sign(stop.start[-1]))
-        remaining = displacement - stop.distance
+        last_direction = -math.copysign(1.0, prelude.start[-1])
+        remaining = displacement - prelude.distance
         is_at_target = abs(remaining) <= ROUNDING_TOLERANCE
         sign = last_direction if is_at_target else math.copysign(1.0, remaining)
         # The joint may reverse at the end of the first piece of the stop, and at the end of the
         # whole stop.
         is_reversal = [last_direction != first_direction, sign != last_direction]
-        if not any(is_reversal):
-            return profile
-        reversals = stop.switching_times[[1, -1]][is_reversal]
-        return replace(profile, sign=sign, stop=stop, stop_reversals=tuple(reversals.tolist()))
+        reversals = tuple(prelude.switching_times[[1, -1]][is_reversal].tolist())
+        speed = 0.0
+        if not reversals:
+            if not initial_acceleration:
+                return profile
+            ramp = np.array([abs(initial_acceleration) / jerk])
+            prelude = SCurve(ramp, np.array([initial_acceleration]), np.zeros(1), start)
+            speed = start + initial_acceleration * float(ramp[0]) / 2
+        return replace(
+            profile,
+            displacement=displacement - prelude.distance,
+            speeds=(speed, 0.0),
+            sign=sign,
+            prelude=prelude,
+            prelude_reversals=reversals,
+        )
 
     @property
     def is_moving(self) -> bool:
         """True if the joint moves, False if it rests during the whole motion."""
         has_displacement = abs(self.displacement) > ROUNDING_TOLERANCE
-        return has_displacement or any(self.speeds) or self.stop is not None
+        return has_displacement or any(self.speeds) or self.prelude is not None
 
     @property
     def reversal_times(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Times from the start to the first reversals, and from the last reversal to the end, s.
 
         A joint reverses near an end if its velocity there points against its peak velocity. The
-        time is that of a stop from this velocity. A joint whose motion begins with a stop may
-        reverse during this stop and at its end. Each of the two tuples is empty if the joint does
-        not reverse near that end.
+        time is that of a stop from this velocity. A joint may also reverse during its prelude and
+        at the end of it. Each of the two tuples is empty if the joint does not reverse near that
+        end.
         """
-        if self.stop is not None:
-            return self.stop_reversals, ()
         at_start, at_end = (
             (abs(speed) / self.acceleration,) if speed * self.sign < 0 else ()
             for speed in self.speeds
         )
-        return at_start, at_end
+        return self.prelude_reversals or at_start, at_end
 
     @property
     def duration(self) -> float:
         """Smallest duration of a motion of this family, s. 0 if the joint does not move."""
-        if not self.is_moving:
-            return 0.0
-        if self.stop is not None:
-            return self.stop.duration + self._fastest_from_rest().duration
-        if not any(self.speeds):
-            return self._fastest_from_rest().duration
-        limits = self.velocity, self.acceleration
-        return float(minimum_times(self.displacement, *limits, self.speeds))
+        prelude = 0.0 if self.prelude is None else self.prelude.duration
+        if any(self.speeds):
+            limits = self.velocity, self.acceleration
+            return prelude + float(minimum_times(self.displacement, *limits, self.speeds))
+        if abs(self.displacement) <= ROUNDING_TOLERANCE:
+            return prelude
+        return prelude + self._fastest_from_rest().duration
 
     def with_duration(self, duration: float) -> SCurve:
         """Compute the motion that takes a given duration.
@@ -163,9 +171,11 @@ class JointProfile:
             between. If they cover more, the joint cannot stop. It then cruises at its lowest peak
             velocity until the duration has passed, and moves too far. As a guess this suffices.
         """
-        if self.stop is not None:
-            rest = self._fastest_from_rest().stretched(duration - self.stop.duration)
-            return self.stop.followed_by(rest)
+        if self.prelude is not None:
+            profile = replace(self, prelude=None)
+            if not profile.is_moving:
+                return self.prelude.followed_by_rest(duration)
+            return self.prelude.followed_by(profile.with_duration(duration - self.prelude.duration))
         if not any(self.speeds):
             return self._fastest_from_rest().stretched(duration)
         # All velocities and distances count positive in the direction of the peak.
@@ -217,13 +227,9 @@ class JointProfile:
         return SCurve.from_pieces(times, accelerations, accelerations, self.speeds[0])
 
     def _fastest_from_rest(self) -> SCurve:
-        """Return the fastest motion from rest to rest over the displacement of the joint.
-
-        If the motion begins with a stop, it covers the displacement that remains after the stop.
-        """
+        """Return the fastest motion from rest to rest over the displacement."""
         limits = self.velocity, self.acceleration, self.jerk
-        stopped = 0.0 if self.stop is None else self.stop.distance
-        return rest_to_rest(abs(self.displacement - stopped), *limits).scaled(self.sign)
+        return rest_to_rest(abs(self.displacement), *limits).scaled(self.sign)
 
 
 def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: float) -> float:

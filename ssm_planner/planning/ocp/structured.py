@@ -356,23 +356,25 @@ def _boundary_values(
         for k, i in np.argwhere(~structure.moving):
             free[spline.rows_of_elements[k], i] = False
             values[spline.rows_of_elements[k], i] = state_values[k, i]
-        # At both ends of the motion u is given and ü = 0. If u̇ is 0 too, the three outermost
-        # coefficients are equal to u. With another u̇, only the outermost one is, and u̇ and ü become
+        # u is given at both ends of the motion. If u̇ and ü are 0 there, the three outermost
+        # coefficients are equal to u. Otherwise, only the outermost one is, and u̇ and ü become
         # equality constraints. z contains u̇ only at the start of an element. At the end of the
         # motion, the middle Bernstein coefficient of u̇ (entry 4 m + 1 of z) replaces it. Both are
         # equal there, because ü = 0. The row n of `state_values` is the end of the motion.
-        for rows, k, velocity, (velocity_entry, acceleration_entry) in (
-            ([0, 1, 2], 0, state_values[0, m:], (m, 2 * m)),
-            ([-1, -2, -3], n - 1, state_values[-1, m:], (4 * m + 1, 3 * m)),
+        # `rates` contains u̇ and ü.
+        for rows, k, rates, entries in (
+            ([0, 1, 2], 0, data.lower[0, m : 3 * m].reshape(2, m), (m, 2 * m)),
+            ([-1, -2, -3], n - 1, np.stack([data.end[m:], np.zeros(m)]), (4 * m + 1, 3 * m)),
         ):
             values[rows] = state_values[k + (k > 0), :m]
             free[rows[0]] = False
-            free[rows[1:]] &= velocity != 0
-            for i in np.flatnonzero(velocity):
-                equalities += [
-                    (k, velocity_entry + i, velocity[i]),
-                    (k, acceleration_entry + i, 0.0),
-                ]
+            is_moving = rates.any(axis=0)
+            free[rows[1:]] &= is_moving
+            equalities += [
+                (k, entry + i, rate[i])
+                for i in np.flatnonzero(is_moving)
+                for entry, rate in zip(entries, rates, strict=True)
+            ]
         equalities += _via_equalities(structure, data)
     index, entry, value = np.array(equalities, dtype=float).reshape(-1, 3).T
     return free, values, (index.astype(int), entry.astype(int), value)

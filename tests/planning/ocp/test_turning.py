@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from ssm_planner.cli import main
@@ -25,7 +27,9 @@ from ssm_planner.kinematics.task import task_rates
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import Replanner, plan, starting_from
 from ssm_planner.planning import phase_planner, planner
+from ssm_planner.planning.lower_bound import quickest_stop
 from ssm_planner.planning.ocp.guesses import guess_between
+from ssm_planner.planning.ocp.joint_profile import JointProfile
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.limits import TASK_COORDINATES
@@ -255,6 +259,45 @@ def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) 
         slack = 3.0 * 2 * 4e-3 * sum(item.motion.duration for item in result.guesses)
         assert (velocity * sign >= -slack).all()
         assert (velocity[:, sign == 0] == 0).all()
+
+
+@pytest.mark.parametrize("is_at_stop", [False, True])
+@given(
+    speed=st.floats(-0.9, 0.9),
+    acceleration=st.floats(-2.0, 2.0),
+    displacement=st.floats(-2.0, 2.0),
+    longer=st.floats(1.0, 3.0),
+)
+def test_a_jerk_limited_guess_begins_with_the_state_of_the_joint(
+    is_at_stop: bool, speed: float, acceleration: float, displacement: float, longer: float
+) -> None:
+    """The guess has the initial velocity and acceleration, and reverses at the stated times.
+
+    If it begins with a stop, it covers the displacement exactly.
+    """
+    limits = np.array([1.0, 2.0, 10.0])
+    speed, acceleration = round(speed, 3), round(acceleration, 3)
+    if is_at_stop and (speed or acceleration):
+        displacement = quickest_stop(speed, acceleration, 2.0, 10.0).distance
+    profile = JointProfile.from_limits(displacement, (speed, 0.0), limits, acceleration)
+    if not profile.is_moving:
+        return
+    duration = longer * profile.duration
+    curve = profile.with_duration(duration)
+    _, initial_speed, initial_acceleration = curve.evaluate(np.zeros(1))
+    assert initial_speed[0] == pytest.approx(speed, abs=1e-12)
+    if profile.prelude is not None:
+        assert initial_acceleration[0] == pytest.approx(acceleration, abs=1e-9)
+    assert curve.evaluate(np.array([curve.duration]))[1][0] == pytest.approx(0.0, abs=1e-9)
+    if profile.prelude_reversals:
+        assert curve.distance == pytest.approx(displacement, abs=1e-9)
+    reversals = [*profile.reversal_times[0], duration]
+    direction = profile.sign * (-1.0) ** len(profile.reversal_times[0])
+    start = 0.0
+    for end in reversals:
+        inside = np.linspace(start, end, 12)[1:-1]
+        assert np.all(direction * curve.evaluate(inside)[1] >= -1e-9)
+        start, direction = end, -direction
 
 
 @pytest.mark.slow
