@@ -16,12 +16,6 @@ from ssm_planner.problem import TASK_COORDINATES, Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import CubicPiece
 from ssm_planner.typing import Array, Indices, record
 
-BISECTION_STEPS = 60
-"""Number of bisections in a search for a velocity or an acceleration.
-
-They reduce the interval by the factor 2⁶⁰. This is more than the 53 bits that a double resolves.
-"""
-
 
 def lower_bound(
     robot: Robot,

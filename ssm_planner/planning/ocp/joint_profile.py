@@ -18,12 +18,12 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.planning.lower_bound import (
-    BISECTION_STEPS,
     SCurve,
     minimum_times,
     quickest_stop,
     rest_to_rest,
 )
+from ssm_planner.planning.retiming.paths import find_sign_change
 from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.typing import Array, record
 
@@ -154,7 +154,7 @@ class JointProfile:
     def with_duration(self, duration: float) -> SCurve:
         """Compute the motion that takes a given duration.
 
-        From rest to rest, it is the fastest motion, stretched in time. Otherwise a bisection finds
+        From rest to rest, it is the fastest motion, stretched in time. Otherwise a search finds
         the peak velocity for which the ramps (changes of velocity) and the cruise (motion at the
         peak velocity) take this duration together.
 
@@ -194,7 +194,7 @@ class JointProfile:
             math.sqrt(max(acceleration * distance + (start**2 + end**2) / 2, 0.0)), self.velocity
         )
 
-        def ramp_and_cruise_times(peak: float) -> tuple[float, float, float]:
+        def ramp_and_cruise_times(peaks: Array) -> Array:
             """Return the durations of the first ramp, of the cruise and of the last ramp, s.
 
             The function reads `start`, `end`, `distance` and `acceleration` from the enclosing
@@ -202,27 +202,30 @@ class JointProfile:
 
             Parameters
             ----------
-            peak : float
-                Peak velocity ≥ 0 in the direction `sign`, rad/s or m/s.
-            """
-            ramps = abs(peak - start) / acceleration, abs(peak - end) / acceleration
-            travelled = ramps[0] * (start + peak) / 2 + ramps[1] * (end + peak) / 2
-            return ramps[0], max(distance - travelled, 0.0) / peak if peak > 0 else 0.0, ramps[1]
+            peaks : (n,) array
+                Peak velocities ≥ 0 in the direction `sign`, rad/s or m/s.
 
-        # A higher peak velocity gives a shorter motion. `high` is always the peak of a motion that
-        # takes less than `duration`, or of the fastest motion.
-        for _ in range(BISECTION_STEPS):
-            middle = (low + high) / 2
-            low, high = (
-                (low, middle) if sum(ramp_and_cruise_times(middle)) < duration else (middle, high)
-            )
-        ramp_up, cruise, ramp_down = ramp_and_cruise_times(high)
+            Returns
+            -------
+            (3, n) array
+                Durations.
+            """
+            ramp_up, ramp_down = (np.abs(peaks - speed) / acceleration for speed in (start, end))
+            travelled = ramp_up * (start + peaks) / 2 + ramp_down * (end + peaks) / 2
+            cruise = np.maximum(distance - travelled, 0.0) / np.maximum(peaks, 1e-300)
+            return np.array([ramp_up, cruise, ramp_down])
+
+        # A higher peak velocity gives a shorter motion.
+        peak = find_sign_change(
+            lambda peaks: ramp_and_cruise_times(peaks).sum(axis=0) - duration, low, high
+        )
+        ramp_up, cruise, ramp_down = ramp_and_cruise_times(np.array([peak]))[:, 0]
         # If a stop and a start already cover the displacement, the middle piece fills the remaining
         # time: the joint rests, or cruises too far.
         if distance - ramp_distance <= ROUNDING_TOLERANCE:
             cruise = max(duration - ramp_up - ramp_down, 0.0)
         times = np.array([ramp_up, cruise, ramp_down])
-        directions = [math.copysign(1.0, high - start), 0.0, math.copysign(1.0, end - high)]
+        directions = [math.copysign(1.0, peak - start), 0.0, math.copysign(1.0, end - peak)]
         accelerations = self.sign * acceleration * np.array(directions)
         return SCurve.from_pieces(times, accelerations, accelerations, self.speeds[0])
 
