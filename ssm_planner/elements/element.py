@@ -1,19 +1,20 @@
 """Limits and costs of one element of a mesh, as CasADi Functions with exact derivatives.
 
 The mesh divides a motion into intervals of time, called elements. In an element, every coordinate u
-is a cubic polynomial of time. `ElementModel` is the base class of the two models: `FreeElement`,
-whose coordinates are joints, and `StraightElement`, whose only coordinate is the parameter of a
-path. `element_functions` returns what the solvers evaluate. The symbols, in scaled time:
+is a cubic polynomial of time. `ElementModel` is the base class of two models. The coordinates of
+`FreeElement` are joints, and the only coordinate of `StraightElement` is the parameter of a path.
+`element_functions` returns the functions that the solvers evaluate. They use these symbols:
 
     z (4 m + 1,)   one element of m coordinates: u, u̇, ü at its start, ü at its end, its length h
     x (k,)         state at one instant, positions first
     x_c            the state at the fraction c of the length h
     p              parameters; the first is σ (4,), the direction of every joint: +1, −1 or 0
-    g(x, p) ≤ 1    path constraints; each is one row of g
+    g(x, p) ≤ 1    path constraints, which are the limits of the motion; each is one row of g
     ℓ(x, p)        integrand of the cost
     L(z)           cost of the element, L = h Σ_c w_c ℓ(x_c) by Simpson's rule with the weights w_c
 
-Scaled time is time divided by the unit of a program, which is about the duration of the motion.
+All of them are in scaled time, which is time divided by a unit of about the duration of the motion.
+A program is the optimisation problem on all elements.
 """
 
 from abc import ABC, abstractmethod
@@ -39,23 +40,23 @@ from ssm_planner.trajectory import CubicPiece
 from ssm_planner.typing import keyword_record, record
 
 COLLOCATION_POINTS = (0.0, 0.5, 1.0)
-"""Fractions c of an element at which an optimisation program imposes the path constraints.
+"""Fractions c of an element at which the optimisation problem imposes the path constraints.
 
-Neighbouring elements both impose them at their common end, because ü may jump there.
+Two neighbouring elements both impose them at their common end, because ü may jump there.
 """
 SIMPSON_WEIGHTS = (1 / 6, 4 / 6, 1 / 6)
 """Weights w_c of `COLLOCATION_POINTS` in the integral of the cost (Simpson's rule)."""
 DENSE_POINTS = tuple(k / 8 for k in range(9))
-"""Fractions of an element at which the refinement of a program looks for violated constraints.
+"""Fractions of an element at which the planner looks for violated constraints after a solve.
 
 They include the collocation points, and three points between each pair of them.
 """
 Aim = Literal["time", "heat", "effort", "cooling"]
-"""Cost ℓ of a program in addition to its duration.
+"""Cost ℓ that is minimised in addition to the duration of a motion.
 
-"time": none. "heat": the heat of all motors (`rows.heat_cost`). "effort": the torque that the speed
-of the motion needs (`rows.effort_cost`). "cooling": the heat of the motors with one weight for each
-motor (`rows.cooling_cost`), for problems in which some motors get too hot.
+"time" adds no cost. "heat" adds the heat of all motors (`rows.heat_cost`). "effort" adds the torque
+that the speed of the motion needs (`rows.effort_cost`). "cooling" adds the heat of the motors with
+one weight for each motor (`rows.cooling_cost`), for problems in which some motors get too hot.
 """
 
 
@@ -73,26 +74,29 @@ class Parameter(NamedTuple):
 
 @keyword_record
 class ElementModel(ABC):
-    """Limits and costs of one kind of motion on one element.
+    """Limits and costs of one kind of motion on one element (interval of time) of a mesh.
 
     A subclass defines the sizes of its vectors (`coordinates`, `state_size`, `position_count`,
-    `parameters`) and the mathematics of one instant (`state`, `instant`, `rows`). Its `key`
-    contains all properties of the robot that are constants in its expressions. Every other number
-    is a parameter. From these, this class derives CasADi Functions. Models with the same key are
-    equal, so that the expensive Functions and programs are built only once.
+    `parameters`) and the mathematics of one instant (`state`, `instant`, `rows`). This class
+    derives CasADi Functions from them. Some properties of the robot are constants in these
+    Functions. The `key` of a model contains all of them. Every other number is a parameter. Models
+    with the same key are equal and share their Functions, which take long to build.
     """
 
     robot: Robot
     """The robot. If its friction or payload is a range, its `corners` are the extremes."""
     active: frozenset[RowName] | None = None
-    """Names and joints of the rows that the Functions contain. None selects all rows."""
+    """Names and joints of the active rows, that is, the path constraints in the Functions.
+
+    None selects all rows.
+    """
     aim: Aim = "time"
-    """Cost in addition to time."""
+    """Cost that is minimised in addition to the duration."""
 
     state_size: ClassVar[int]
     """Length k of the state x."""
     position_count: ClassVar[int]
-    """Number of positions among the entries of x. They come first."""
+    """Number of positions in the state x, which are its first entries."""
     layout: ClassVar[Layout]
     """Names and lengths of the entries of the last parameter vector."""
 
@@ -147,7 +151,7 @@ class ElementModel(ABC):
 
     @abstractmethod
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Build the path constraints in one state.
+        """Build the path constraints (rows) in one state.
 
         Parameters
         ----------
@@ -167,8 +171,8 @@ class ElementModel(ABC):
     def all_indexed_rows(self) -> list[IndexedRow]:
         """Name, joint and index of each of `rows`, in their order.
 
-        The index is that of the row in native/elements.c, which has a place for every row that a
-        robot of this kind can have.
+        The index is that of the row in native/elements.c, which numbers all rows that such a model
+        can have.
         """
 
     @property
@@ -177,7 +181,7 @@ class ElementModel(ABC):
         """Index of the first torque row in native/elements.c."""
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both models have the same Functions."""
+        """Return True if both models have the same key, and thus the same Functions."""
         return isinstance(other, ElementModel) and self.key == other.key
 
     def __hash__(self) -> int:
@@ -243,8 +247,8 @@ class ElementModel(ABC):
     def cost(self) -> ca.Function | None:
         """Function (x, *p) → ℓ, the integrand of the cost. None if only time counts.
 
-        x is the state of the joints and p are the parameters of the problem. For the aim "effort",
-        the cost compares the motor torques with those of an infinitely slow motion through the same
+        x is the state of the joints, and p are the parameter vectors. For the aim "effort", the
+        cost compares the motor torques with those of an infinitely slow motion through the same
         positions.
         """
         if self.aim == "time":
@@ -254,6 +258,7 @@ class ElementModel(ABC):
         instant = self.instant(x, *p)
         joints = self.robot.joints
         if self.aim == "effort":
+            # The same positions with velocities and accelerations of 0.
             derivatives = ca.SX.zeros(self.state_size - self.position_count)
             infinitely_slow = ca.vertcat(x[: self.position_count], derivatives)
             value = effort_cost(instant, self.instant(infinitely_slow, *p), joints)
@@ -275,7 +280,7 @@ class ElementModel(ABC):
     def breakaway(self) -> ca.Function:
         """Function (z, *p) → torque rows at the start of an element, with static friction.
 
-        They limit the torque with which joints at rest break away, that is, start to move.
+        These rows are the torque limits at the instant at which joints at rest start to move.
         """
         inputs = self._symbols(self.size)
         z, p = inputs[0], inputs[1:]
@@ -285,7 +290,7 @@ class ElementModel(ABC):
 
     @cached_property
     def breakaway_joints(self) -> list[int]:
-        """Index of the joint of every row of `breakaway`, in their order."""
+        """Index of the joint for every row of `breakaway`, in the order of the rows."""
         joints = []
         for i in range(4):
             for _, _, sides in self.robot.actuations(i):
@@ -313,7 +318,7 @@ class ElementModel(ABC):
         ]
 
     def _active_rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Build the path constraints in one state that the Functions contain.
+        """Build the active path constraints in one state, which the Functions contain.
 
         Parameters
         ----------
@@ -353,10 +358,10 @@ Model = TypeVar("Model", bound=ElementModel)
 
 
 def shared_model(element: Model) -> Model:
-    """Return the first model that equals a given one, so that its Functions are built only once.
+    """Return the first model that was equal to a given one, so that both share their Functions.
 
-    Equal models have the same Functions. A model builds them when they are first needed, and keeps
-    them.
+    A model builds its Functions when they are first needed, and keeps them. Equal models would
+    build the same Functions. The cache remembers the last 32 models.
 
     Parameters
     ----------
@@ -373,9 +378,10 @@ def shared_model(element: Model) -> Model:
 
 @lru_cache(maxsize=32)
 def _first_equal_model(element: ElementModel) -> ElementModel:
-    """Return the model itself.
+    """Return the model itself, or an equal model of an earlier call from the cache.
 
-    For an equal model, the cache returns the result of the first call, which is the first model.
+    The cache takes equal models for the same argument. It therefore returns the result of the first
+    call, which is the first of these models.
     """
     return element
 
@@ -399,7 +405,10 @@ def _row_values(rows: list[PathConstraint]) -> ca.SX:
 
 @record
 class ElementFunctions:
-    """Functions of (z, *p) that solvers evaluate on every element, for r active rows."""
+    """Functions of (z, *p) that the solvers evaluate on every element, for r active rows.
+
+    The module's docstring explains the symbols.
+    """
 
     rows: ca.Function
     """G = [g(x_c)]_c, the r rows at each of the 3 points of `COLLOCATION_POINTS`, (3 r,)."""
@@ -418,7 +427,7 @@ class ElementFunctions:
 
 @lru_cache(maxsize=24)
 def element_functions(element: ElementModel) -> ElementFunctions:
-    """Build the rows and the cost of an element, with exact derivatives by CasADi.
+    """Build the CasADi Functions of the rows and the cost of an element, and of their derivatives.
 
     Parameters
     ----------

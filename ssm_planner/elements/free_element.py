@@ -1,9 +1,10 @@
 """Element model of a free motion, in which the solver chooses the path of the joints.
 
-The coordinates of an element are those of the moving joints, u = (q − q0)/d, with the position q0
-of the joint at the start of the motion and a unit of length d > 0. The state x = (u, u̇, ü)
-contains all four joints, (12,), in scaled time. Every joint keeps its direction within an element,
-so the friction law is exact.
+An element is an interval of time in which every joint position is a cubic polynomial of time. The
+coordinates of an element are u = (q − q0)/d for the joints that move. q0 is the position of the
+joint at the start of the motion, and d > 0 is a unit in rad or m. The state x = (u, u̇, ü) contains
+all four joints, (12,), in scaled time. Every joint keeps its direction within an element, so the
+friction law is exact.
 """
 
 import pickle
@@ -48,9 +49,9 @@ from ssm_planner.typing import keyword_record
 RANGE_LIMITED_COORDINATES = ("roll", "spin")
 """Task coordinates whose range is a path constraint.
 
-A motion may leave a range of roll or spin although all its points lie inside. Tilt and depth cannot
-leave their range, because each of them depends on one joint, which keeps its direction between two
-points.
+A motion may leave a range of roll or spin although all its given points lie inside. Tilt and depth
+cannot leave their range between two points, because each of them depends on one joint, which keeps
+its direction there.
 """
 RATE_LIMITED_COORDINATES = ("roll", "tilt", "spin")
 """Task coordinates whose limited rate is a path constraint.
@@ -61,9 +62,9 @@ The rate of depth is the velocity of joint 4, so its limit is a bound of that ve
 
 @keyword_record
 class FreeElement(ElementModel):
-    """Path constraints of a robot, of task coordinates and of an eye for a free motion.
+    """Path constraints of a free motion: limits of the robot, the task coordinates and the eye.
 
-    The parameter vectors are the directions σ (4,) of the joints and the values of `layout`.
+    The parameter vectors are the directions σ (4,) of the joints and the vector of `layout`.
     """
 
     mechanism: Mechanism
@@ -87,8 +88,8 @@ class FreeElement(ElementModel):
     )
     """Names and lengths of the entries of the second parameter vector.
 
-    `q0` and `d` are the origins and units of the coordinates. The entries of `LIMIT_SIZES` are the
-    limits of joints and tool. `range_centre` and `range_half_width` describe the ranges of
+    `q0` and `d` are the origins and units of the coordinates u. The entries of `LIMIT_SIZES` are
+    the limits of joints and tool. `range_centre` and `range_half_width` describe the ranges of
     `RANGE_LIMITED_COORDINATES`, and `rate` contains the largest rates of
     `RATE_LIMITED_COORDINATES`. `retina_easing` is the amount by which the row of the retina may
     exceed 1. `time_scale` is the unit of scaled time, s.
@@ -101,7 +102,10 @@ class FreeElement(ElementModel):
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
-        """Kind of motion, key of the robot, moving joints, active rows, eye and cost."""
+        """Kind of motion, key of the robot, moving joints, active rows, eye and cost.
+
+        Models with the same key share their CasADi Functions.
+        """
         return (
             "free",
             robot_key(self.robot),
@@ -132,6 +136,7 @@ class FreeElement(ElementModel):
             u, u̇ and ü of the four joints. They are 0 for joints that do not move.
         """
         x = ca.SX.zeros(12)
+        # The entries 0 to 3 of x are u, 4 to 7 are u̇, and 8 to 11 are ü.
         for order, values in enumerate(self.cubic(z).evaluate(c)):
             x[[4 * order + joint for joint in self.moving]] = values
         return x
@@ -139,7 +144,8 @@ class FreeElement(ElementModel):
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
         """Build the expressions of the motion and the limits of the joints in one state.
 
-        The speeds of the tool and their limits are squared.
+        The speeds of the tool and their limits are squared, because a speed is a norm, which has no
+        derivative at rest.
 
         Parameters
         ----------
@@ -158,7 +164,6 @@ class FreeElement(ElementModel):
         q, qd, qdd = _joint_motion(x, limits)
         bodies = [RigidBody.from_robot(load) for load in self.robot.loads]
         efforts = [body.symbolic(q, qd, qdd) for body in bodies]
-        # The norm has no derivative at rest, so squares are compared.
         limits.speeds = limits.speeds**2
         squared_speeds = [ca.sumsqr(jacobian(q) @ qd) for jacobian in self._jacobians]
         return Instant(
@@ -173,7 +178,10 @@ class FreeElement(ElementModel):
         )
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Build the path constraints in one state.
+        """Build the path constraints (rows) in one state.
+
+        The limits of joint velocity and acceleration are not among them, because they are linear
+        constraints of the optimisation problem.
 
         Parameters
         ----------
@@ -201,8 +209,8 @@ class FreeElement(ElementModel):
     def first_actuation(self) -> int:
         """Index of the first torque row in native/elements.c.
 
-        Before it lie the rows of tool speeds, two for each range and rate of task coordinates, and
-        two of the eye (retina and lens).
+        The rows before it are those of the tool speeds, two for each range and rate of task
+        coordinates, and two of the eye (retina and lens).
         """
         return (
             len(SPEED_JACOBIANS)
@@ -219,6 +227,7 @@ class FreeElement(ElementModel):
         rows += indexed_torque_rows(self.robot, self.first_actuation)
         names = [TaskRange.name_of(name) for name in RANGE_LIMITED_COORDINATES]
         names += [TaskRate.name_of(name) for name in RATE_LIMITED_COORDINATES]
+        # Each range and each rate has two rows, one for each sign.
         for k, name in enumerate(names):
             index = len(SPEED_JACOBIANS) + 2 * k
             rows += [(name, None, index), (name, None, index + 1)]
@@ -231,7 +240,10 @@ class FreeElement(ElementModel):
 
     @property
     def _active_eye(self) -> Eye | None:
-        """The eye if one of its rows is active, otherwise None."""
+        """The eye if one of its rows is active, otherwise None.
+
+        Models for different eyes are thus equal if none of the rows of the eye is active.
+        """
         if self.eye is None or self.active is None:
             return self.eye
         rows = {(limit.name, None) for limit in self.eye.limits}
@@ -239,7 +251,7 @@ class FreeElement(ElementModel):
 
     @cached_property
     def _jacobians(self) -> list[ca.Function]:
-        """Functions q (4,) → J(q) (k, 4). The norm of J q̇ is one of the tool speeds."""
+        """Functions q (4,) → J(q) (k, 4), one for each tool speed, which is the norm of J q̇."""
         q = ca.SX.sym("q", 4)
         return [
             ca.Function("jacobian", [q], [jacobian(self.mechanism, q)])
@@ -248,7 +260,7 @@ class FreeElement(ElementModel):
 
 
 def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
-    """Build the rows that keep roll and spin in their ranges.
+    """Build the rows (path constraints, at most 1) that keep roll and spin in their ranges.
 
     The coordinates are those of `RANGE_LIMITED_COORDINATES`.
 
@@ -279,7 +291,7 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
 def rate_rows(
     mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace
 ) -> list[PathConstraint]:
-    """Build the rows that limit the rates of roll, tilt and spin.
+    """Build the rows (path constraints, at most 1) that limit the rates of roll, tilt and spin.
 
     The coordinates are those of `RATE_LIMITED_COORDINATES`.
 
@@ -307,7 +319,7 @@ def rate_rows(
 
 
 def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathConstraint]:
-    """Build the rows that keep the tip at a distance from the retina and from the lens.
+    """Build the rows (path constraints) that keep the tip away from the retina and the lens.
 
     Parameters
     ----------
@@ -318,7 +330,7 @@ def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[Pa
     q : (4,) casadi.SX
         Joint positions, rad, and m for joint 4.
     easing : casadi.SX
-        Amount by which the row of the retina may exceed 1.
+        Amount by which the row of the retina may exceed 1. It is subtracted from the row.
 
     Returns
     -------

@@ -6,9 +6,10 @@ The joints follow the path q(s). With primes for derivatives with respect to s,
     τ_rigid = A(s) s̈ + B(s) ṡ² + C(s),
 
 where τ_rigid are the joint torques without friction. The functions q', A, B, C and the tool speeds
-|J(q) q'| at ṡ = 1 are called curves. On each element, polynomials of degree `FIT_DEGREE` in s
-replace the curves (a *fit*, computed by `planning.ocp.path_fit`), so the optimisation evaluates no
-kinematics.
+|J(q) q'| at ṡ = 1 (J: Jacobian) are called curves. An element is an interval of time in which s is
+a cubic polynomial of time. On each element, polynomials of degree `FIT_DEGREE` in s replace the
+curves, so the optimisation evaluates no kinematics. The polynomials of an element are called its
+*fit*, and `planning.ocp.path_fit` computes them.
 
 The state is x = (s, ṡ, s̈, s⃛, ṡ_b) in scaled time. ṡ_b replaces ṡ in the velocity rows, see
 `StraightElement.collocation_states`. Every joint keeps its direction within an element, so the
@@ -39,19 +40,19 @@ from ssm_planner.kinematics import SPEED_JACOBIANS
 from ssm_planner.typing import keyword_record
 
 FIT_DEGREE = 6
-"""Degree of the polynomials in a fit. native/elements.c is compiled for it."""
+"""Degree of the polynomials that replace the curves. native/elements.c is compiled for it."""
 
 
 @keyword_record
 class StraightElement(ElementModel):
-    """Path constraints of a robot along any path.
+    """Path constraints of a robot whose joints follow a given path.
 
-    The parameter vectors are the directions σ (4,) of the joints, the fit of the path
-    (`fit_layout`), and the limits (`layout`).
+    The parameter vectors are the directions σ (4,) of the joints, the polynomials that approximate
+    the path (`fit_layout`), and the limits (`layout`).
     """
 
     jerk: bool
-    """True if the rows of the jerk are included."""
+    """True if the limits of the jerk are path constraints."""
 
     coordinates = 1
     state_size = 5
@@ -61,7 +62,7 @@ class StraightElement(ElementModel):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sizes of the directions σ, of the fit and of the limits."""
+        """Sizes of the directions σ, of the polynomials of the path, and of the limits."""
         return (
             Parameter(4, True),
             Parameter(fit_layout(len(self.robot.loads)).size, True),
@@ -70,7 +71,10 @@ class StraightElement(ElementModel):
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
-        """Kind of motion, key of the robot, presence of jerk rows, active rows and cost."""
+        """Kind of motion, key of the robot, presence of jerk rows, active rows and cost.
+
+        Models with the same key share their CasADi Functions.
+        """
         return "straight", robot_key(self.robot), self.jerk, self.active, self.aim
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
@@ -95,8 +99,9 @@ class StraightElement(ElementModel):
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
         """Build the states at the collocation points, with Bernstein coefficients of ṡ as ṡ_b.
 
-        The velocity ṡ is a parabola within an element. If its three Bernstein coefficients keep a
-        bound, ṡ keeps it in the whole element. The outer coefficients are ṡ at both ends.
+        The velocity ṡ is a parabola in time within an element. It is nowhere larger than the
+        largest of its three Bernstein coefficients. The velocity rows bound these coefficients, so
+        that they hold in the whole element. The outer coefficients are ṡ at both ends.
 
         Parameters
         ----------
@@ -109,23 +114,25 @@ class StraightElement(ElementModel):
             States at the start, in the middle and at the end.
         """
         start, middle, end = super().collocation_states(z)
+        # Entry 4 of a state is ṡ_b.
         middle[4] = self.cubic(z).middle_velocity
         return [start, middle, end]
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Build the path constraints in one state.
+        """Build the path constraints (rows) in one state.
 
         Parameters
         ----------
         x : (5,) casadi.SX
             State: s, ṡ, s̈, s⃛ and ṡ_b.
         *p : casadi.SX
-            Directions σ (4,) of the joints, fit of the path, and limits.
+            Directions σ (4,) of the joints, polynomials of the path, and limits.
 
         Returns
         -------
         list of PathConstraint
-            Kinematic rows, followed by torque rows.
+            Rows of tool speeds and of the joints' velocity, stop, acceleration and jerk, followed
+            by torque rows.
         """
         instant = self.instant(x, *p)
         rows = kinematic_rows(instant, self.robot.joints, self.jerk)
@@ -135,7 +142,7 @@ class StraightElement(ElementModel):
     def first_actuation(self) -> int:
         """Index of the first torque row in native/elements.c.
 
-        Before it lie the rows of the tool speeds and the kinematic rows of four joints.
+        The rows before it are those of the tool speeds and the kinematic rows of four joints.
         """
         return len(SPEED_JACOBIANS) + 4 * ROWS_PER_JOINT
 
@@ -148,14 +155,15 @@ class StraightElement(ElementModel):
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
         """Build the expressions of the motion and the limits of the joints in one state.
 
-        The kinematics and the load of the robot follow from the fit of the path.
+        The kinematics and the load of the robot follow from the polynomials that replace the path.
+        The module's docstring contains the equations.
 
         Parameters
         ----------
         x : (5,) casadi.SX
             State: s, ṡ, s̈, s⃛ and ṡ_b.
         *p : casadi.SX
-            Directions σ (4,) of the joints, fit of the path, and limits.
+            Directions σ (4,) of the joints, polynomials of the path, and limits.
 
         Returns
         -------
@@ -184,18 +192,19 @@ class StraightElement(ElementModel):
 
 @cache
 def curves_layout(loads: int) -> Layout:
-    """Return the names and sizes of the curves that a fit approximates.
+    """Return the names and sizes of the curves, which are functions of the path parameter s.
 
     Parameters
     ----------
     loads : int
-        Number of payloads.
+        Number of payloads for which the motion is planned.
 
     Returns
     -------
     Layout
-        q' (dq), A (inertia), B (velocity) and C (gravity) of the four joints, and the tool speeds
-        at ṡ = 1. There are A, B and C for each payload.
+        q' (`dq`), A (`inertia`), B (`velocity`) and C (`gravity`) of the four joints, and the tool
+        speeds at ṡ = 1 (`speeds`). The module's docstring defines them. A, B and C occur once for
+        each payload.
     """
     return Layout(
         dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(SPEED_JACOBIANS)
@@ -204,21 +213,22 @@ def curves_layout(loads: int) -> Layout:
 
 @cache
 def fit_layout(loads: int) -> Layout:
-    """Return the names and sizes of the numbers that make up a fit.
+    """Return the names and sizes of the numbers that describe the polynomials of one element.
 
-    A fit applies to the interval of s with the given centre and half width.
+    The polynomials (the *fit*) replace the curves on an interval of s. They are polynomials of
+    ξ = (s − centre)/half_width, which runs from −1 to 1 on the interval.
 
     Parameters
     ----------
     loads : int
-        Number of payloads.
+        Number of payloads for which the motion is planned.
 
     Returns
     -------
     Layout
-        `centre`, `half_width` and `coefficients`. The coefficients are those of ξ⁰ for all curves
-        (in the order of `curves_layout`), then those of ξ¹, and so on, with ξ = (s −
-        centre)/half_width.
+        `centre` and `half_width` of the interval, and `coefficients`. The latter contain the
+        coefficients of ξ⁰ for all curves in the order of `curves_layout`, then those of ξ¹, and so
+        on.
     """
     return Layout(centre=1, half_width=1, coefficients=(FIT_DEGREE + 1) * curves_layout(loads).size)
 
@@ -226,16 +236,16 @@ def fit_layout(loads: int) -> Layout:
 def path_derivatives(
     parameters: ca.SX, s: ca.SX, loads: int, jerk: bool
 ) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
-    """Evaluate a fit at s, and the derivatives of its first curve q'.
+    """Evaluate the polynomials that replace a path, and the derivatives q'' and q'''.
 
     Parameters
     ----------
     parameters : (size,) casadi.SX
-        Fit, in the order of `fit_layout`.
+        The polynomials, in the order of `fit_layout`.
     s : casadi.SX
         Path parameter.
     loads : int
-        Number of payloads.
+        Number of payloads for which the motion is planned.
     jerk : bool
         True if q''' is evaluated. Otherwise it is 0.
 
@@ -251,6 +261,7 @@ def path_derivatives(
     xi = (s - fit.centre) / fit.half_width
     coefficients = ca.reshape(fit.coefficients, curves.size, FIT_DEGREE + 1)
     dq_derivative = _differentiate_polynomials(coefficients[curves.slices["dq"], :])
+    # The divisor converts a derivative with respect to ξ to one with respect to s.
     ddq = _evaluate_polynomials(dq_derivative, xi) / fit.half_width
     dddq = ca.SX.zeros(4)
     if jerk:
@@ -261,14 +272,14 @@ def path_derivatives(
 
 
 def _evaluate_polynomials(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
-    """Evaluate several polynomials at one point by Horner's rule.
+    """Evaluate several polynomials at the same argument ξ by Horner's rule.
 
     Parameters
     ----------
     coefficients : (curves, powers) casadi.SX
         Coefficients of ξ⁰, ξ¹, … of each polynomial.
     xi : casadi.SX
-        Point ξ.
+        Argument ξ.
 
     Returns
     -------
