@@ -3,8 +3,9 @@
 A path constraint, also called a row, is a scaled expression that must not exceed 1, for example
 |q̇_i| / limit_i. The element models (`free_element`, `straight_element`) build their constraints
 from the functions of this module, with CasADi symbols for the motion (`Instant`). The limits of a
-robot are parameters of the program (`joint_limits`), so one program serves all limits. All other
-properties of the robot are constants in the expressions (`robot_key`).
+robot are parameters of the optimisation problem (program), so one program serves robots with
+different limits (`joint_limits`). All other properties of the robot are constants in the
+expressions (`robot_key`).
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array, Arrays, frozen
 
 UNLIMITED = 1e9
-"""Value that stands for a missing limit, in any unit. No row reaches it."""
+"""Value that stands for a missing limit, in any unit. No motion of a robot reaches it."""
 LIMIT_SIZES = {
     "velocity": 4,
     "acceleration": 4,
@@ -54,40 +55,38 @@ LIMIT_SIZES = {
     "speeds": len(SPEED_JACOBIANS),
     "stop": 1,
 }
-"""Lengths of the limits that are parameters of a program, by name, in SI units.
+"""Names and lengths of the vectors of limits that are parameters of the optimisation problem.
 
-`velocity`, `acceleration` and `jerk` are limits of the joints. `torque` contains the largest motor
-torques, `speeds` the largest speeds of the tool, and `stop` the largest distance in m that the tool
-may travel while the robot stops. `cooling` is not a limit, but the weights of the heat of the
-motors: the seconds of duration that are worth one second of a motor at its nominal torque.
+Their values are in SI units. `velocity`, `acceleration` and `jerk` are limits of the joints.
+`torque` contains the largest motor torques, `speeds` the largest speeds of the tool, and `stop` the
+largest distance in m that the tip may travel while the robot stops. `cooling` is not a limit. It
+contains the weights of the heat of the motors. A weight is the duration in s that is worth one
+second of the motor at its nominal torque.
 """
 
 
 TIP_SPEED_INDEX = list(SPEED_JACOBIANS).index(TipSpeed)
-"""Index of the speed of the tip among the tool speeds, which have the order of `SPEED_JACOBIANS`.
-"""
+"""Index of the speed of the tip in `speeds`, which has the order of `SPEED_JACOBIANS`."""
 
 
 def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
-    """Collect the limits of joints and motors.
+    """Collect the limits of joints and motors, which are parameters of the optimisation problem.
 
-    Their names are those in `LIMIT_SIZES`.
-
-    The velocity limit of a joint is the smaller one of its own limit and of that which follows from
-    the largest speed of its motor.
+    The velocity limit of a joint is the smaller one of its own limit and of the one that follows
+    from the largest speed of its motor. Missing limits are `UNLIMITED`.
 
     Parameters
     ----------
     robot : Robot
         The robot.
     cooling : (4,) array, optional
-        Weight of the heat of each motor in the objective: the seconds of duration that are worth
-        one second at the nominal torque. The default is 0.
+        Weights of the heat of the motors in the objective, s. A weight is the duration that is
+        worth one second of the motor at its nominal torque. The default is 0.
 
     Returns
     -------
     dict of (4,) arrays
-        Limits in SI units.
+        Limits in SI units, and the weights, by the names in `LIMIT_SIZES`.
     """
     joints = robot.joints
     limits = {
@@ -104,19 +103,18 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
 
 
 def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
-    """Collect the limits of the tool.
-
-    Their names are those in `LIMIT_SIZES`.
+    """Collect the limits of the tool, which are parameters of the optimisation problem.
 
     Parameters
     ----------
     limits : iterable of ToolLimit
-        Limits of a task. The result is `UNLIMITED` where they contain no limit.
+        Limits of a task. Missing limits are `UNLIMITED` in the result.
 
     Returns
     -------
     dict of arrays
-        `speeds`, one for each of `SPEED_JACOBIANS`, in SI units, and `stop` (1,) in m.
+        `speeds` (k,) in SI units, one for each of `SPEED_JACOBIANS`, and `stop` (1,), the largest
+        distance that the tip may travel while the robot stops, m.
     """
     limits = tuple(limits)
     stop = next((limit.largest for limit in limits if isinstance(limit, StopTravel)), UNLIMITED)
@@ -125,20 +123,21 @@ def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
 
 
 def tool_row_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[RowName]:
-    """Return the names and joints of the rows that represent limits of the tool.
+    """Return the names and joints of the rows (path constraints) for limits of the tool.
 
     Parameters
     ----------
     limits : iterable of ToolLimit
         Limits of the tool.
     moving : collection of int
-        Indices of the joints that move. The limit of the stop travel, the distance that the tool
-        travels while the robot stops, has one row for each of them.
+        Indices of the joints that move. The limit on the distance that the tip travels while the
+        robot stops has rows for each of them.
 
     Returns
     -------
     set of (str, int or None)
-        Name of the limit, and index of the joint for a stop travel. Other rows have no joint.
+        Name of the limit, and index of the joint for the distance to stop. Other rows have no
+        joint.
     """
     names: set[RowName] = set()
     for limit in limits:
@@ -150,7 +149,7 @@ def tool_row_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[
 
 
 def with_margin(robot: Robot, share: float) -> Robot:
-    """Return the robot with smaller limits, for a motion that keeps a distance to the true ones.
+    """Return the robot with smaller limits, for motions that shall not reach the true limits.
 
     Parameters
     ----------
@@ -167,7 +166,7 @@ def with_margin(robot: Robot, share: float) -> Robot:
     factor = 1 - share
 
     def reduced(joint: Joint) -> Joint:
-        """Multiply the limits of a joint and of its motor by the factor."""
+        """Return a joint with smaller limits of velocity, acceleration and motor torque."""
         motor = joint.motor
         if motor is not None:
             motor = unchecked_copy(motor, max_torque=motor.max_torque * factor)
@@ -183,10 +182,10 @@ def with_margin(robot: Robot, share: float) -> Robot:
 
 
 def robot_key(robot: Robot) -> bytes:
-    """Compute a key of all properties of a robot that are constants in an element model.
+    """Compute a key of all properties of a robot that are constants in the path constraints.
 
-    These are geometry, bodies, gravity, drives and nominal torques, but no limits, which are
-    parameters.
+    These are geometry, bodies, gravity, drives and nominal torques. Limits are not among them,
+    because they are parameters. Two robots with the same key can share their CasADi Functions.
 
     Parameters
     ----------
@@ -196,8 +195,8 @@ def robot_key(robot: Robot) -> bytes:
     Returns
     -------
     bytes
-        The key. If two keys are equal, the robots have the same properties. Robots with the same
-        properties may have different keys. The program is then built twice.
+        The key. Equal keys mean equal properties. Robots with equal properties may have different
+        keys, and the Functions are then built twice.
     """
     drives = [joint.drive for joint in robot.joints]
     nominal = [
@@ -229,28 +228,29 @@ def limits_jerk(robot: Robot) -> bool:
 BRAKING_ROW_SMOOTHING = 1e-3
 """Width of the smooth transition in the rows of braking motors, as a share of the torque limit.
 
-A smooth function replaces the maximum of two torques there (`torque_row_values`).
+A smooth function replaces the maximum of two torques in these rows, because the solver needs
+derivatives (`torque_row_values`). It is smaller than the maximum by at most this share.
 """
 COST_SMOOTHING = 1e-2
-"""Width of this transition in the costs of heat and effort, as a share of the nominal torque.
+"""Width of such a transition in the costs of heat and effort, as a share of the nominal torque.
 
-The solver would oscillate at a kink of the cost (`smooth_torque`).
+At a kink of the cost, the iterations of the solver would oscillate (`smooth_torque`).
 """
 
 
 MOTORLESS_COST_WEIGHT = 1e-3
-"""Weight of the squared relative accelerations of joints without a motor in the effort.
+"""Weight of the squared relative accelerations of joints without a motor in the cost of effort.
 
-It is so small that the effort of the motors decides where there are motors.
+It is so small that these joints hardly change the motion of joints with motors.
 """
 
 
 RowName = tuple[str, int | None]
 """Name of a row: the name of its limit, and the index of its joint (None for the whole arm).
 
-A motor has one torque constraint for each entry k of `Robot.actuations`, that is, for each payload
-and extreme of the friction. For these rows the second entry is joint + 4 k, so that each of them
-can be part of a program without the others.
+A motor has torque rows for each entry k of `Robot.actuations`, that is, for each payload and
+extreme of the friction. The second entry of these rows is joint + 4 k. The rows of one k can thus
+be part of an optimisation problem without those of another one.
 """
 
 
@@ -259,8 +259,8 @@ IndexedRow = tuple[str, int | None, int]
 ROWS_PER_JOINT = 10
 """Number of kinematic rows of one joint along a path in native/elements.c.
 
-In each of the two directions there are one row of the velocity, two rows of the stop, and one row
-each of the acceleration and the jerk.
+Each of the two directions has one row of the velocity, two rows of the distance to stop, one row of
+the acceleration and one row of the jerk.
 """
 
 
@@ -286,10 +286,10 @@ class Instant:
     qd: ca.SX
     """Joint velocities."""
     qd_hull: ca.SX
-    """Velocities in the velocity rows, which bound qd in the whole element.
+    """Velocities that appear in the velocity rows in place of `qd`.
 
-    Along a path they are Bernstein coefficients, see `StraightElement.collocation_states`. In a
-    free motion they are qd.
+    Along a path they are Bernstein coefficients, whose bounds hold for `qd` in the whole element
+    (`StraightElement.collocation_states`). In a free motion they equal `qd`.
     """
     qdd: ca.SX
     """Joint accelerations."""
@@ -298,8 +298,8 @@ class Instant:
     tau_rigid: ca.SX
     """Joint torques without friction, (4 loads,).
 
-    The four torques with the first payload of `Robot.loads` are followed by those with the second
-    one, and so on.
+    `Robot.loads` lists the variants of the payload. The four torques for the first one come first,
+    then those for the second one, and so on.
     """
     speeds: ca.SX
     """Speeds of the tool in the order of `SPEED_JACOBIANS` for the velocities qd_hull.
@@ -316,11 +316,12 @@ class Instant:
 
 
 def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
-    """Build the rows of all kinematic limits along a path.
+    """Build the rows (path constraints, at most 1) of all kinematic limits along a path.
 
-    They are the rows of the tool speeds, and those of the velocity, acceleration, jerk and stop of
-    every joint. The rows of stops impose the same limit as `retiming.constraints.braking_travel`
-    does in TOPP-RA. A joint with a drive gets velocity rows only in its direction σ.
+    They limit the tool speeds, the velocity, acceleration and jerk of every joint, and the distance
+    in which the tip can stop. `retiming.constraints.braking_travel` derives the rows of this
+    distance. A joint with a drive moves only in its direction σ, so it needs velocity rows for this
+    direction alone.
 
     Parameters
     ----------
@@ -345,11 +346,11 @@ def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> l
 
 
 def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
-    """Build the velocity row of one joint in one direction, and the two rows of its stop.
+    """Build the rows of velocity and distance to stop of one joint in one direction.
 
-    The rows of the stop limit the distance d that the tip travels while the joint brakes. With
-    the tip speed v and the acceleration limit a, they are v q̇/(2 d) ≤ a and v q̇/(2 d) − q̈ ≤
-    a. Here q̇ and q̈ count positive in the given direction.
+    Let d be the limit on the distance in which the tip can stop, v the speed of the tip, and a the
+    acceleration limit of the joint. The rows of the distance are v q̇/(2 d) ≤ a and
+    v q̇/(2 d) − q̈ ≤ a. q̇ and q̈ count as positive in the given direction.
 
     Parameters
     ----------
@@ -363,7 +364,7 @@ def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list
     Returns
     -------
     list of three PathConstraint
-        Row of the velocity, and both rows of the stop.
+        Row of the velocity, and both rows of the distance to stop, each at most 1.
     """
     bounds = instant.limits
     speed = sense * instant.qd_hull[i]
@@ -376,7 +377,7 @@ def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list
 
 
 def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstraint]:
-    """Build the rows of acceleration and jerk of one joint in both directions.
+    """Build the rows (path constraints, at most 1) of acceleration and jerk of one joint.
 
     Parameters
     ----------
@@ -385,12 +386,13 @@ def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstrai
     i : int
         Index of the joint.
     jerk : bool
-        True if the row of the jerk follows that of the acceleration in each direction.
+        True if the jerk is limited.
 
     Returns
     -------
     list of two or four PathConstraint
-        Rows of the positive direction, followed by those of the negative one.
+        Row of the acceleration, and row of the jerk if it is limited, in the positive direction,
+        followed by the same rows in the negative one.
     """
     rows = []
     for side in (1, -1):
@@ -403,7 +405,7 @@ def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstrai
 
 
 def speed_rows(instant: Instant) -> list[PathConstraint]:
-    """Build the rows of all speeds of the tool that a problem may limit.
+    """Build the rows (path constraints, at most 1) of all tool speeds that a problem may limit.
 
     Parameters
     ----------
@@ -422,7 +424,7 @@ def speed_rows(instant: Instant) -> list[PathConstraint]:
 
 
 def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> list[PathConstraint]:
-    """Build the torque rows of every motor, with exact friction in the direction of motion.
+    """Build the rows (path constraints, at most 1) of the motor torques, with exact friction.
 
     If the friction or the payload of the robot is a range, there are rows for each of its extremes.
 
@@ -431,7 +433,7 @@ def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> l
     instant : Instant
         Motion and limits at one instant.
     robot : Robot
-        Robot whose drives and motors the rows represent.
+        Robot with its drives and motors.
     breakaway : bool
         True for an instant at which the joints start to move. The static friction coefficient then
         applies.
@@ -439,8 +441,8 @@ def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> l
     Returns
     -------
     list of PathConstraint
-        For each possible drive and payload of a joint, two rows of a driving motor, one row of a
-        braking motor, or all three.
+        For each joint and each of its entries in `Robot.actuations`, two rows of a driving motor,
+        one row of a braking motor, or all three.
     """
     rows = []
     for i, k, load, drive, sides in _actuations(robot):
@@ -462,8 +464,8 @@ def torque_row_values(
 
     The torque σ τ in the direction of motion is the larger one of two functions τ_1 and τ_2. A
     driving motor keeps its limit if both functions are at most the limit. A braking motor keeps it
-    if the larger function is at least −limit. A smooth function replaces the maximum in this row.
-    It never exceeds the exact maximum, so the row is on the safe side.
+    if the larger function is at least −limit. A smooth function replaces the larger function in
+    this row. It never exceeds the exact maximum, so the row is slightly too strict.
 
     Parameters
     ----------
@@ -492,16 +494,16 @@ def torque_row_values(
 
 
 Actuation = tuple[int, int, int, Drive, tuple[int, ...]]
-"""A joint with one of its possible drives and payloads.
+"""A joint with one drive and one payload, for which its motor must be strong enough.
 
-The entries are the index of the joint, the index k in its `Robot.actuations`, the index of the
-payload in `Robot.loads`, the drive (with one extreme of the friction), and the sides of the torque
-limit that the rows impose (1 for a driving motor, −1 for a braking motor).
+The friction of the drive and the payload may be extremes of ranges. The entries are the index of
+the joint, the index k in its `Robot.actuations`, the index of the payload in `Robot.loads`, the
+drive, and the torque limits to be kept (1 if the motor drives, −1 if it brakes).
 """
 
 
 def _actuations(robot: Robot) -> list[Actuation]:
-    """List the possible drives and payloads of all joints, sorted by joint.
+    """List the combinations of drive and payload of all joints, sorted by joint.
 
     Parameters
     ----------
@@ -511,7 +513,7 @@ def _actuations(robot: Robot) -> list[Actuation]:
     Returns
     -------
     list of Actuation
-        One entry for each possible drive and payload of a joint.
+        One entry for each joint with a motor and each entry of its `Robot.actuations`.
     """
     actuations = []
     for i in range(4):
@@ -521,7 +523,7 @@ def _actuations(robot: Robot) -> list[Actuation]:
 
 
 def actuations_by_load(robot: Robot) -> list[Actuation]:
-    """List the possible drives and payloads of all joints, sorted by payload.
+    """List the combinations of drive and payload of all joints, sorted by payload.
 
     native/elements.c has this order, because it computes the torques of one payload after another.
 
@@ -533,20 +535,18 @@ def actuations_by_load(robot: Robot) -> list[Actuation]:
     Returns
     -------
     list of Actuation
-        One entry for each possible drive and payload of a joint.
+        One entry for each joint with a motor and each entry of its `Robot.actuations`.
     """
     return sorted(_actuations(robot), key=lambda item: item[2])
 
 
 def indexed_torque_rows(robot: Robot, start: int) -> list[IndexedRow]:
-    """Return the names of the torque rows, and their indices in the C code.
-
-    The rows are those of `torque_rows`, and the C code is native/elements.c.
+    """Return the names of the rows of `torque_rows`, and their indices in native/elements.c.
 
     Parameters
     ----------
     robot : Robot
-        Robot whose drives and motors the rows represent.
+        Robot with its drives and motors.
     start : int
         Index of the first torque row in native/elements.c.
 
@@ -568,14 +568,15 @@ def indexed_torque_rows(robot: Robot, start: int) -> list[IndexedRow]:
 
 
 def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
-    """Return the names of the kinematic rows, and their indices in the C code.
+    """Return the names of the rows of `kinematic_rows`, and their indices in native/elements.c.
 
-    The rows are those of `kinematic_rows`, and the C code is native/elements.c.
+    The C code has places for the velocity rows of both directions and for the rows of the jerk,
+    also where they are not used.
 
     Parameters
     ----------
     robot : Robot
-        Robot whose limits the rows represent.
+        Robot with its joints and drives.
     jerk : bool
         True if the rows of the jerk are included.
 
@@ -588,8 +589,9 @@ def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
         (limit_class.name, None, k) for k, limit_class in enumerate(SPEED_JACOBIANS)
     ]
     for i, joint in enumerate(robot.joints):
-        # Each of both directions has three rows of velocity and stop, then the rows of acceleration
-        # and jerk of both directions follow.
+        # A joint has 10 places. The first three are for velocity and stop in its direction σ, or in
+        # the positive one, and the next three for the negative one. The last four are for
+        # acceleration and jerk in the positive, then in the negative direction.
         index = len(SPEED_JACOBIANS) + ROWS_PER_JOINT * i
         for side in range(2 if joint.drive is None else 1):
             names = JointVelocity.name, StopTravel.name, StopTravel.name
@@ -602,7 +604,7 @@ def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
 
 
 def torque_row_names(robot: Robot, i: int) -> set[RowName]:
-    """Return the names of the torque rows of a joint, one for each of its actuations.
+    """Return the names of the torque rows of a joint, one for each entry of `Robot.actuations`.
 
     Parameters
     ----------
@@ -614,7 +616,7 @@ def torque_row_names(robot: Robot, i: int) -> set[RowName]:
     Returns
     -------
     set of (str, int)
-        Name of the torque limit, and joint + 4 k for the actuation k (see `RowName`).
+        Name of the torque limit, and joint + 4 k for the entry k (see `RowName`).
     """
     return {(MotorTorque.name, i + 4 * k) for k in range(len(robot.actuations(i)))}
 
@@ -622,8 +624,8 @@ def torque_row_names(robot: Robot, i: int) -> set[RowName]:
 def heat_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """Build the cost of the heat of all motors at one instant.
 
-    The cost is Σ (τ_motor/τ_nominal)² over the motors, because the heat that a motor's winding
-    produces is proportional to the square of its torque.
+    The cost is Σ (τ_motor/τ_nominal)² over the motors, because the heat in the windings of a motor
+    is proportional to the square of its torque.
 
     Parameters
     ----------
@@ -665,9 +667,9 @@ def effort_cost(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> c
     """Build the cost of the torque that the speed of the motion needs at one instant.
 
     The cost compares the torque of each motor with that of an infinitely slow motion at the same
-    position. The latter overcomes friction and weight, which are present at any speed. If their
-    heat counted, the cost would reward standing still where they are small. Joints without a motor
-    or drive have no torque to compare, so their accelerations count instead.
+    position. The latter overcomes friction and weight, which are present at any speed. If this part
+    counted, a motion with a given duration would linger where friction and weight are small. Joints
+    without a motor or drive have no torque to compare, so their accelerations count instead.
 
     Parameters
     ----------
@@ -711,7 +713,7 @@ def _relative_torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     Returns
     -------
     (motors,) casadi.SX
-        σ τ_motor/τ_nominal of each motor, see `smooth_torque`.
+        σ τ_motor/τ_nominal of each motor, positive in the direction of motion (`smooth_torque`).
     """
     values = [
         smooth_torque(drive, instant, i, motor.nominal_torque)
@@ -723,7 +725,8 @@ def _relative_torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.SX:
     """Build the smoothed torque of one motor, relative to its nominal torque.
 
-    The exact torque is the larger one of two functions. A smooth function replaces the maximum.
+    The exact torque is the larger one of two functions. It has a kink where both are equal, so a
+    smooth function replaces the maximum.
 
     Parameters
     ----------
@@ -757,9 +760,9 @@ def directed_torques(
 ) -> tuple[ca.SX, ca.SX]:
     """Build the two functions whose maximum is the motor torque in the direction of motion.
 
-    One function applies while the motor drives the mesh of the worm or thread, the other one while
-    the load drives the mesh (`dynamics.motor_torque_rows`). For a drive with two nuts they are
-    equal, because the direction of motion alone decides on which side a nut lies.
+    One function applies while the motor drives the mesh of the worm or thread, and the other one
+    while the load drives the mesh (`dynamics.motor_torque_rows`). For a drive with two nuts both
+    are equal, because the direction of motion alone decides which side of the thread a nut touches.
 
     Parameters
     ----------
@@ -782,7 +785,7 @@ def directed_torques(
     """
     friction = required_friction(drive)
     sigma = instant.sigma[i]
-    # Speed and acceleration of the motor.
+    # Velocity and acceleration of the motor, rad/s and rad/s².
     w = drive.ratio * instant.qd[i]
     wd = drive.ratio * instant.qdd[i]
     mu = breakaway_coefficient(friction) if breakaway else friction_coefficient(friction, sigma * w)
