@@ -1,10 +1,15 @@
 """Interface to the C code that evaluates path constraints and costs (native/elements.c).
 
 The C code computes the same values as the CasADi Functions `ElementFunctions`, `dense_rows` and
-`breakaway` of an element model, up to rounding, but many times per second more. This module passes
-the data of a model to it in one struct of integers and pointers. The structured solver and the
-refinement use `native_elements`, and Ipopt uses `mapped_elements`. Both are None without the
-compiled part, and the callers then evaluate the CasADi Functions.
+`breakaway` of an element model, up to rounding, but many times faster. This module passes the data
+of a model to it in one struct of integers and pointers. `native_elements` returns the C functions
+for the structured solver and the refinement, and `mapped_elements` returns them for Ipopt. If the
+package was built without a C compiler, both return None, and the callers evaluate the CasADi
+Functions instead.
+
+The terms are those of `element`. An element is an interval of time, z is the vector that describes
+its motion, and a row is one path constraint. An actuation is a joint with one drive and one payload
+(`rows.Actuation`).
 """
 
 import ctypes
@@ -49,9 +54,10 @@ MECHANISM_LAYOUT = Layout(
 )
 """Numbers that describe the kinematics in C, in the base frame of `rigid_body.axis_frames`.
 
-`omega2` and `omega3` are the x and z components of the axes of joints 2 and 3. The following
-numbers are the fields of `Mechanism` with the same names. `offset` is the offset of the angle θ2 of
-joint 2 that `axis_frames` returns.
+In this frame, the axis of joint 1 is the z axis. `omega2` and `omega3` are the x and z components
+of the axes of joints 2 and 3, whose y components are 0. `offset` is the offset of the angle θ2 of
+joint 2 that `axis_frames` returns. The other numbers are the fields of `Mechanism` with the same
+names.
 """
 EYE_LAYOUT = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=9)
 """Numbers that describe the eye in C, in the base frame of `rigid_body.axis_frames`.
@@ -87,24 +93,25 @@ ACCELERATION_DRIVE = DRIVE_LAYOUT.pack(
     **dict.fromkeys(DRIVE_LAYOUT.slices, 0.0)
     | dict.fromkeys(("ratio", "input_inertia", "stribeck_speed", "limit", "nominal"), 1.0)
 )
-"""Drive whose motor torque is the acceleration of the joint, as numbers of `DRIVE_LAYOUT`.
+"""Numbers of `DRIVE_LAYOUT` for a drive whose motor torque equals the acceleration of its joint.
 
-It represents joints without a motor in the cost of effort.
+It represents joints without a motor in the cost of effort, in which accelerations count for them.
 """
 ELEMENTS_PER_VECTOR = 4
-"""Number of elements that the C code evaluates at once, one in each entry of a vector register."""
+"""Number of elements that the C code evaluates at once, in the entries of a vector register."""
 TORQUE_LAWS = ("worm", "antibacklash_screw")
-"""Names of the torque laws in C: of drives with one mesh, and of drives with two nuts."""
+"""Names of the torque laws in C, for drives with one mesh and for drives with two nuts."""
 Location = Literal["collocation", "between", "breakaway"]
 POINTS_BY_LOCATION: dict[Location, tuple[float, ...]] = {
     "collocation": COLLOCATION_POINTS,
     "between": DENSE_POINTS,
     "breakaway": (0.0,),
 }
-"""Fractions of an element at which the rows are evaluated, by the name of the evaluation.
+"""Fractions of an element at which the rows are evaluated, by the purpose of the evaluation.
 
-"collocation": the points of the optimisation program. "between": the points of the refinement.
-"breakaway": the start of the element, with static friction.
+"collocation" are the points at which the optimisation problem imposes the rows. "between" are the
+points at which the refinement looks for violated rows. "breakaway" is the start of the element, at
+which joints start to move against static friction.
 """
 
 INTEGER_MEMBERS = (
@@ -121,9 +128,16 @@ INTEGER_MEMBERS = (
 )
 """Integers in the struct `Elements` of elements.c, in its order.
 
-They are: whether the motion follows a path, the number of elements, the number of coordinates, the
-numbers of rows, points, payloads, actuations and motors in the cost, whether the cost is the
-effort, and whether Bernstein coefficients replace velocities (`Instant.qd_hull`).
+straight
+    1 if the motion follows a path, 0 if it is free.
+count, m, rows, points
+    Numbers of elements, of coordinates, of active rows at a point, and of points in an element.
+loads, actuations, costs
+    Numbers of payloads, of actuations, and of motors in the cost.
+effort
+    1 if the cost is the effort.
+hull
+    1 if Bernstein coefficients replace velocities (`Instant.qd_hull`).
 """
 POINTER_MEMBERS = (
     "shares",
@@ -146,24 +160,24 @@ POINTER_MEMBERS = (
 """Pointers to arrays in the struct `Elements`, which follow the integers.
 
 shares, weights
-    Fractions of the points, and their weights in integrals.
+    Fractions of an element at which it is evaluated, and their weights in integrals.
 moving, undriven
-    Indices of the moving joints. For each joint, whether it lacks a drive.
+    Indices of the moving joints, and for each joint 1 if it has no drive.
 slots
-    For every row that such a robot can have, its position among the active rows, or −1.
+    For every row that such a model can have, its position among the active rows, or −1.
 actuation, drives
-    Joint, payload and law of each actuation, and its `DRIVE_LAYOUT`.
+    Joint, payload and law (`_law_index`) of each actuation, and its numbers of `DRIVE_LAYOUT`.
 cost, cost_drives, cost_weights
-    Joint and law, `DRIVE_LAYOUT`, and weight of each motor in the cost.
+    Joint and law, numbers of `DRIVE_LAYOUT`, and weight of each motor in the cost.
 load, mechanism, eye, limits
-    Rigid bodies with each payload, `MECHANISM_LAYOUT`, `EYE_LAYOUT`, and limits.
+    Rigid bodies with each payload, numbers of `MECHANISM_LAYOUT` and `EYE_LAYOUT`, and limits.
 sigma, fits
-    Directions of the joints, and fits of the path, of each element.
+    For each element, the directions of the joints, and the polynomials that replace the path.
 """
 
 
 class _ElementsStruct(ctypes.Structure):
-    """The struct `Elements` of elements.c, which contains all data of a model at n elements."""
+    """The struct `Elements` of elements.c, which contains the data of a model for n elements."""
 
     _fields_ = [
         *((name, ctypes.c_long) for name in INTEGER_MEMBERS),
@@ -173,12 +187,14 @@ class _ElementsStruct(ctypes.Structure):
 
 
 class NativeElements:
-    """Path constraints and cost of an element model in C, at n elements with given parameters.
+    """C functions for the path constraints and the cost of an element model at n elements.
+
+    The parameters of the model are constants of these functions.
 
     Attributes
     ----------
     context : ctypes.Structure
-        Data of the C functions.
+        Struct with the data that the C functions read.
     """
 
     def __init__(
@@ -189,9 +205,9 @@ class NativeElements:
         count: int,
         location: Location,
     ) -> None:
-        """Build the data of the C functions.
+        """Build the data that the C functions read.
 
-        The object keeps the memory of all arrays alive.
+        The object keeps the memory of all arrays alive to which the struct points.
 
         Parameters
         ----------
@@ -200,11 +216,11 @@ class NativeElements:
         element : ElementModel
             Model of one element of the mesh.
         parameters : sequence of (size,) or (count, size) arrays
-            Parameter vectors of the model. Those of shape (size,) apply to all elements.
+            Parameter vectors of the model. Those of the shape (size,) apply to all elements.
         count : int
             Number n of elements.
         location : str
-            Name of the points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`.
+            Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`.
         """
         inputs = _element_inputs(element, location)
         arrays = _parameter_arrays(element, inputs.arrays, parameters, count)
@@ -235,14 +251,14 @@ class NativeElements:
             "jacobian": (count, all_rows, size),
             "hessian": (count, size, size),
         }
-        """Shapes of the results by the names of the functions, see `call`."""
+        """Shapes of the results of `call` by the names of the functions."""
         if len(inputs.arrays["cost"]):
             self.shapes |= {"cost": (count, 1), "gradient": (count, size)}
         self._library = library
         self.group = ElementGroup.from_library(
             library, self.context, (size, all_rows, int(len(inputs.arrays["cost"]) > 0), count)
         )
-        """The same functions in the form that the structured solver reads."""
+        """The same functions as a struct that the structured solver reads."""
 
     def call(self, name: str, z: Array, multipliers: Array | None = None) -> Array:
         """Evaluate one of the functions at all elements.
@@ -254,13 +270,13 @@ class NativeElements:
         z : (n, size) array
             Vectors z of the elements.
         multipliers : (n, rows) array, optional
-            Multipliers λ of the rows, for the Hessian only. With a cost, another column contains
-            the multiplier κ of the cost.
+            Multipliers λ of the rows at all points, only for the Hessian. If there is a cost, the
+            array has one more column, which contains the multiplier κ of the cost.
 
         Returns
         -------
         array
-            The results of all elements, with the shape in `shapes`.
+            The results of all elements. `shapes` contains their shape.
         """
         result = np.empty(self.shapes[name])
         arrays = [np.ascontiguousarray(z, dtype=float)]
@@ -276,7 +292,7 @@ class NativeElements:
 def _parameter_arrays(
     element: ElementModel, constant_arrays: Arrays, parameters: Sequence[Array], count: int
 ) -> dict[str, Any]:
-    """Build the arrays of `_ElementsStruct` that depend on the parameters of a model.
+    """Build the arrays for the C functions that depend on the parameters of a model.
 
     Parameters
     ----------
@@ -285,8 +301,9 @@ def _parameter_arrays(
     constant_arrays : dict of arrays
         Arrays that do not depend on the parameters, see `_ElementInputs`.
     parameters : sequence of arrays
-        Parameter vectors of the model: the directions of the joints, the fits of a path (only for
-        a motion along one), and the vector in the order of the model's `layout`.
+        Parameter vectors of the model. The first contains the directions of the joints, and the
+        last has the order of the model's `layout`. For a motion along a path, the second contains
+        the polynomials that replace the path (`fit_layout`).
     count : int
         Number of elements.
 
@@ -296,6 +313,7 @@ def _parameter_arrays(
         Arrays by their names in `POINTER_MEMBERS`.
     """
     sigma, *fit_parameters, packed = parameters
+    # Column 0 of "actuation" and of "cost" contains the index of the joint.
     slices = element.layout.slices
     drives = constant_arrays["drives"].copy()
     drives[:, DRIVE_LAYOUT.slices["limit"]] = packed[slices["torque"]][
@@ -314,14 +332,15 @@ def _parameter_arrays(
         "drives": drives,
         "cost_weights": weights,
         "limits": packed,
-        # A joint without a drive may reverse at any time. C needs its sign only for the effort.
+        # A joint without a drive may reverse at any time, so it has no direction. The C code needs
+        # some sign for the effort, and 1 makes the torque of `ACCELERATION_DRIVE` the acceleration.
         "sigma": np.where(constant_arrays["undriven"], 1.0, np.broadcast_to(sigma, (count, 4))),
         "fits": _interleaved_fits(*path_fits) if path_fits else [],
     }
 
 
 def _addresses(arrays: Arrays) -> dict[str, int]:
-    """Return the addresses of the first entries of arrays.
+    """Return the addresses of the memory of arrays.
 
     Parameters
     ----------
@@ -331,19 +350,19 @@ def _addresses(arrays: Arrays) -> dict[str, int]:
     Returns
     -------
     dict of int
-        Addresses by the same names.
+        Addresses of the first entries by the same names.
     """
     return {name: values.__array_interface__["data"][0] for name, values in arrays.items()}
 
 
 @record
 class _ElementInputs:
-    """Data of the C functions that do not depend on the parameters of a model."""
+    """Data for the C functions that do not depend on the parameters of a model."""
 
     arrays: Arrays
-    """Arrays by their names in `_ElementsStruct`.
+    """Arrays by their names in `POINTER_MEMBERS`.
 
-    The torque limits in `drives` are parameters, so `_parameter_arrays` replaces them.
+    The torque limits in `drives` are placeholders, which `_parameter_arrays` replaces.
     """
     rows: int
     """Number of active rows at one point."""
@@ -353,15 +372,17 @@ class _ElementInputs:
 
 @lru_cache(maxsize=64)
 def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs:
-    """Build the data of the C functions that do not depend on parameters.
+    """Build the data for the C functions that do not depend on the parameters of a model.
+
+    The results for the last 64 arguments are cached.
 
     Parameters
     ----------
     element : ElementModel
         Model of one element of the mesh.
     location : str
-        Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`. Only torque rows are
-        evaluated at "breakaway", and the cost only at "collocation".
+        Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`. At "breakaway", only
+        torque rows are evaluated. The cost is evaluated only at "collocation".
 
     Returns
     -------
@@ -373,13 +394,14 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
     if breakaway:
         rows = [row for row in element.all_indexed_rows if row[0] == MotorTorque.name]
     actuation, drives = _actuation_arrays(element, breakaway=breakaway)
-    # Each actuation has three rows: two of a driving motor and one of a braking motor.
+    # The C code has three rows for each actuation, two of a driving and one of a braking motor.
     slots = np.full(3 * len(actuation) + element.first_actuation, -1)
     slots[[index for *_, index in rows]] = np.arange(len(rows))
     cost, cost_drives = _cost_arrays(element if location == "collocation" else None)
     values_by_name: dict[str, Any] = {
         "shares": POINTS_BY_LOCATION[location],
         "weights": SIMPSON_WEIGHTS,
+        # Along a path, the only coordinate is s. The entry is not used then.
         "moving": [0],
         "undriven": [joint.drive is None for joint in element.robot.joints],
         "slots": slots,
@@ -400,7 +422,7 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
 
 
 def _free_motion_arrays(element: FreeElement) -> dict[str, Any]:
-    """Build the arrays of `_ElementsStruct` that only free motions need.
+    """Build the arrays for the C functions that only free motions need.
 
     Parameters
     ----------
@@ -423,22 +445,24 @@ def _free_motion_arrays(element: FreeElement) -> dict[str, Any]:
 def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array, Array]:
     """Build the arrays that describe the actuations of a robot in C.
 
-    An actuation is a joint with one of its possible drives and payloads (see `rows.Actuation`). The
-    arrays are sorted by payload.
+    An actuation is a joint with one drive and one payload, for which its motor must be strong
+    enough (`rows.Actuation`). The arrays are sorted by payload.
 
     Parameters
     ----------
     element : ElementModel
         Model of one element of the mesh.
     breakaway : bool
-        True if joints start to move. Their friction coefficient is then constant, the static one.
+        True if joints start to move. Their friction coefficient is then the static one, which does
+        not depend on the speed.
 
     Returns
     -------
     actuation : (a, 3) array of int
-        Joint, index of the payload, and index of the law (`_law_index`) of each of a actuations.
+        Index of the joint, index of the payload, and index of the law (`_law_index`) of each of the
+        a actuations.
     drives : (a, DRIVE_LAYOUT.size) array
-        Numbers of `DRIVE_LAYOUT`.
+        Numbers of `DRIVE_LAYOUT` for each of them.
     """
     by_load = actuations_by_load(element.robot)
     actuation = np.array(
@@ -447,8 +471,8 @@ def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array,
     drives = np.array([_drive_values(drive, breakaway=breakaway) for *_, drive, _ in by_load])
     actuation = actuation.reshape(-1, 3)
     if breakaway:
-        # The first law of friction in `FRICTION_LAWS` has a constant coefficient.
-        # The index of a law is len(FRICTION_LAWS) · torque law + friction law.
+        # The index of a law is len(FRICTION_LAWS) · torque law + friction law. The first friction
+        # law has a constant coefficient, so the remainder is set to 0.
         actuation[:, 2] -= actuation[:, 2] % len(FRICTION_LAWS)
     return actuation, drives.reshape(-1, DRIVE_LAYOUT.size)
 
@@ -466,9 +490,10 @@ def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
     Returns
     -------
     cost : (k, 2) array of int
-        Joint, and index of the law (`_law_index`), of each of k motors. k is 0 without a cost.
+        Index of the joint, and index of the law (`_law_index`), of each of the k motors. k is 0
+        without a cost.
     drives : (k, DRIVE_LAYOUT.size) array
-        Numbers of `DRIVE_LAYOUT`.
+        Numbers of `DRIVE_LAYOUT` for each of them.
     """
     if element is None or element.aim == "time":
         return np.zeros((0, 2), dtype=int), np.zeros((0, DRIVE_LAYOUT.size))
@@ -486,26 +511,26 @@ def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
 
 
 def _interleaved_fits(fits: Array) -> Array:
-    """Return the fits of a path in the order of the C code.
+    """Rearrange the polynomials that replace a path to the order that the C code reads.
 
-    The C code evaluates `ELEMENTS_PER_VECTOR` elements at once, so the numbers of so many elements
-    are interleaved. The last element is repeated to complete a group. Within an element, the
-    coefficients of each curve are adjacent.
+    The C code evaluates a group of `ELEMENTS_PER_VECTOR` elements at once. The corresponding
+    numbers of these elements must therefore be adjacent. The last element is repeated to complete
+    the last group. Within an element, the coefficients are sorted by curve instead of by degree.
 
     Parameters
     ----------
     fits : (n, size) array
-        Fit of each element in the order of `straight_element.fit_layout`.
+        Polynomials of each element, in the order of `straight_element.fit_layout`.
 
     Returns
     -------
     (groups, size, ELEMENTS_PER_VECTOR) array
-        The same numbers.
+        The same numbers, with n / ELEMENTS_PER_VECTOR groups, rounded up.
     """
     group_count = math.ceil(len(fits) / ELEMENTS_PER_VECTOR)
     indices = np.minimum(np.arange(group_count * ELEMENTS_PER_VECTOR), len(fits) - 1)
     padded = fits[indices]
-    # The first two numbers are the centre and the half width of the interval of the fit.
+    # The first two numbers are the centre and the half width of the interval of s.
     by_degree = padded[:, 2:].reshape(len(padded), FIT_DEGREE + 1, -1)
     by_curve = by_degree.transpose(0, 2, 1).reshape(len(padded), -1)
     elements = np.hstack([padded[:, :2], by_curve])
@@ -513,13 +538,13 @@ def _interleaved_fits(fits: Array) -> Array:
 
 
 def compiled_library() -> ctypes.CDLL | None:
-    """Return the compiled part of the package if it can evaluate elements.
+    """Return the compiled part of the package if it contains the limits of all tool speeds.
 
     Returns
     -------
     ctypes.CDLL or None
-        The library. None if it does not exist, or if another package has added a tool speed, which
-        the C code does not contain.
+        The library. None if it does not exist, or if another package has added a tool speed to
+        `SPEED_JACOBIANS`, because the C code knows only the speed of the tip.
     """
     return load() if list(SPEED_JACOBIANS) == [TipSpeed] else None
 
@@ -546,7 +571,7 @@ def native_elements(
     Returns
     -------
     NativeElements or None
-        The functions. None without the compiled part of the package.
+        The functions. None if `compiled_library` returns None.
     """
     library = compiled_library()
     if library is None:
@@ -555,10 +580,10 @@ def native_elements(
 
 
 class _ElementsCallback(ca.Callback):
-    """One of `ElementFunctions`, evaluated in C for n elements, as a function of CasADi.
+    """One of `ElementFunctions` for n elements, which CasADi calls and C evaluates.
 
     Its arguments and results are those of the CasADi Function mapped over n elements. The results
-    have the same sparsity, so a program that contains the callback keeps its structure.
+    have the same sparsity, so that the derivatives in an optimisation problem remain sparse.
     """
 
     def __init__(self, elements: "_LatestElements", name: str, function: ca.Function) -> None:
@@ -571,11 +596,12 @@ class _ElementsCallback(ca.Callback):
         name : str
             Name of the function in `ElementFunctions`.
         function : casadi.Function
-            The CasADi Function for one element.
+            The CasADi Function for one element, which the callback replaces.
         """
         ca.Callback.__init__(self)
         self._elements = elements
         self._name = name
+        # The arguments are z, the parameter vectors, and for the Hessian the multipliers.
         self._argument_rows = [elements.element.size]
         self._per_element = [True]
         for parameter in elements.element.parameters:
@@ -589,7 +615,7 @@ class _ElementsCallback(ca.Callback):
         rows, columns = sparsity.get_triplet()
         row_starts = np.array(rows, dtype=int) * sparsity.size2()
         self._nonzero_positions = row_starts + np.array(columns, dtype=int)
-        """Positions of the structural nonzeros in a dense row-major result."""
+        """Positions of the structural nonzeros in a dense row-major result, in CasADi's order."""
         self.construct(f"{name}_of_elements", {"enable_fd": False})
 
     # CasADi calls the following methods. Their names and signatures are CasADi's.
@@ -611,10 +637,10 @@ class _ElementsCallback(ca.Callback):
         return True
 
     def eval_buffer(self, arguments: Sequence[memoryview], results: Sequence[memoryview]) -> int:
-        """Evaluate the function when CasADi calls it.
+        """Evaluate the function in C, and write the results to the memory that CasADi provides.
 
-        Exceptions must not reach CasADi. This method stores them, also an interruption by the user,
-        and `MappedElements.check` raises them after the solve.
+        Exceptions must not reach CasADi. This method stores them in `_LatestElements.failures`,
+        also an interruption by the user. `MappedElements.check` raises them after the solve.
 
         Parameters
         ----------
@@ -624,7 +650,7 @@ class _ElementsCallback(ca.Callback):
         Returns
         -------
         int
-            Number of stored exceptions. CasADi takes any number except 0 for a failure.
+            Number of exceptions that are stored. CasADi takes any number except 0 for a failure.
         """
         elements = self._elements
         try:
@@ -635,6 +661,7 @@ class _ElementsCallback(ca.Callback):
             if self._name == "hessian":
                 multipliers = parameters.pop().reshape(elements.count, -1)
             native = elements.with_parameters(parameters)
+            # Only "gradient" has two results. The first one is the cost itself.
             if len(results) > 1 and results[0]:
                 np.frombuffer(results[0])[:] = native.call("cost", z).ravel()
             values = native.call(self._name, z, multipliers).reshape(elements.count, -1)
@@ -646,17 +673,19 @@ class _ElementsCallback(ca.Callback):
 
 @dataclass(eq=False)
 class _LatestElements:
-    """C functions of an element model at n elements, for the latest values of its parameters.
+    """The C functions of an element model at n elements, kept for the latest parameters.
 
-    CasADi passes the parameters in every call, although they are the same during a solve.
+    CasADi passes the parameters in every call, although they do not change during a solve. The C
+    functions are therefore prepared only when the parameters differ from those of the last call.
     """
 
     library: ctypes.CDLL
     element: ElementModel
     count: int
     failures: list[BaseException] = field(default_factory=list)
-    """Exceptions of the functions, which CasADi does not pass on."""
+    """Exceptions in the callbacks, which CasADi does not pass on."""
     _cached: tuple[list[Array], NativeElements] | None = None
+    """Parameters of the last call, and the C functions for them."""
 
     def with_parameters(self, parameters: list[Array]) -> NativeElements:
         """Return the C functions for given parameter vectors.
@@ -688,7 +717,7 @@ class _LatestElements:
 
 
 class MappedElements:
-    """The `ElementFunctions` of a model, evaluated in C for n elements, for a program of CasADi."""
+    """The `ElementFunctions` of a model for n elements, as CasADi Functions that C evaluates."""
 
     def __init__(self, library: ctypes.CDLL, element: ElementModel, count: int) -> None:
         """Prepare the functions of an element model for several elements.
@@ -706,9 +735,9 @@ class MappedElements:
         self._functions: list[_ElementsCallback] = []
 
     def function(self, function: ca.Function) -> ca.Function:
-        """Build a callback that replaces one of `ElementFunctions`, mapped over the elements.
+        """Build a CasADi Function that evaluates one of `ElementFunctions` in C for all elements.
 
-        CasADi does not keep the callback alive. It exists as long as this object.
+        CasADi does not keep such a callback alive. It exists as long as this object.
 
         Parameters
         ----------
@@ -747,19 +776,17 @@ def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
     Returns
     -------
     MappedElements or None
-        The functions. None without the compiled part of the package.
+        The functions. None if `compiled_library` returns None.
     """
     library = compiled_library()
     return None if library is None else MappedElements(library, element, count)
 
 
 def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -> Array:
-    """Evaluate the path constraints at nine points of each element.
+    """Evaluate the active path constraints (rows) at the nine `DENSE_POINTS` of each element.
 
-    The points are `DENSE_POINTS`.
-
-    The refinement of a motion calls this function to find constraints that are violated between the
-    collocation points.
+    After a solve, the refinement calls this function to find rows that are violated between the
+    collocation points, at which the optimisation problem imposes them.
 
     Parameters
     ----------
@@ -790,8 +817,8 @@ _INTEGER_ARRAYS = ("moving", "undriven", "slots", "actuation", "cost")
 def _law_index(drive: Drive) -> int:
     """Return the index of the C function for the torque law and the friction law of a drive.
 
-    The functions are sorted by `TORQUE_LAWS`, then by `FRICTION_LAWS`. Only screws with two nuts
-    have the second torque law.
+    The functions are sorted by `TORQUE_LAWS`, then by `FRICTION_LAWS`. Drives with two nuts have
+    the second torque law, and all others have the first one.
 
     Parameters
     ----------
@@ -831,8 +858,9 @@ def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False
     values |= {
         name: getattr(friction, name) for name in DRIVE_LAYOUT.slices if hasattr(friction, name)
     }
+    # 1 is a placeholder for a law without this speed.
     values["stribeck_speed"] = friction.stribeck_speed or 1.0
-    if breakaway:  # At breakaway the law of a constant coefficient holds.
+    if breakaway:  # `_actuation_arrays` selects the law with the constant coefficient `mu`.
         values["mu"] = breakaway_coefficient(friction)
     if drive.stages:
         values |= _equivalent_thread_values(drive, values["mu"])
@@ -842,9 +870,10 @@ def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False
 def _equivalent_thread_values(drive: Drive, mu: float) -> dict[str, float]:
     """Compute the numbers of a thread without gear stages that has the same torque law as a drive.
 
-    The C code contains no gear stages before the thread. A self-locking mesh always opposes the
-    motor, so the stages only change the lever arm `gamma` of the drive. For another mesh, this
-    function finds a thread with the same efficiencies in both directions.
+    The C code contains no gear stages before the thread, so an equivalent thread replaces both. A
+    self-locking mesh always opposes the motor, so the stages only change the lever arm `gamma` of
+    the drive. For another mesh, the function finds a thread with the same efficiencies in both
+    directions.
 
     Parameters
     ----------
@@ -896,6 +925,8 @@ def _mechanism_and_eye_values(mechanism: Mechanism, eye: Eye | None) -> tuple[Ar
         Numbers of `EYE_LAYOUT`. Those of a missing eye or lens are not used.
     """
     frames, angles, offset = axis_frames((mechanism.omega1, mechanism.omega2, mechanism.omega3))
+    # In the base frame, the axes of joints 2 and 3 lie in the x–z plane if joint 2 is turned by
+    # `offset`. Their angles to the z axis are angles[0] and `angle`.
     angle = sum(angles)
     data = MECHANISM_LAYOUT.pack(
         omega2=[np.sin(angles[0]), np.cos(angles[0])],
@@ -912,6 +943,7 @@ def _mechanism_and_eye_values(mechanism: Mechanism, eye: Eye | None) -> tuple[Ar
         return data, np.ones(EYE_LAYOUT.size)
     lens_centre = np.zeros(3)
     lens_frame = np.eye(3)
+    # Rotation matrix from the robot's frame to the base frame of `axis_frames`.
     base = frames[0].T
     if eye.lens is not None:
         lens_centre = eye.lens.centre

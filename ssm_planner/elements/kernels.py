@@ -1,11 +1,12 @@
 """Generator of native/kernels.h, which contains the physical laws of an element as C code.
 
-The generator writes each law from the same CasADi expressions that the element models use, so that
-C and CasADi agree. A part of the model, for example the torque of a drive, computes a few
+An element is an interval of time of a motion. The limits on it are called rows. The generator
+writes each law from the same CasADi expressions that the element models use, so that C and CasADi
+agree. The model is divided into parts. A part, for example the torque of a drive, computes a few
 values from a few variables v. It consists of up to three C functions:
 
-    NAME_at     the values
-    NAME_by     the values, and their Jacobian row by row
+    NAME_at     computes the values
+    NAME_by     computes the values, and their Jacobian with respect to v row by row
     NAME_bend   adds the upper triangle of the Hessian of Σ λ_i value_i, with multipliers λ
 
 native/elements.c combines the parts by the chain rule. Run `python -m ssm_planner.elements.kernels`
@@ -56,9 +57,9 @@ VECTOR_EXPRESSIONS = SCALAR_EXPRESSIONS | {
     "or": "SSM_F(is)(({0} != SSM_R(0.0)) | ({1} != SSM_R(0.0)))",
     "if_else_zero": "SSM_F(where)({0} != SSM_R(0.0), {1})",
 }
-"""C expressions of the operations on vectors, which contain one number for each of 4 elements.
+"""C expressions of CasADi's operations on vectors, which contain one number for each of 4 elements.
 
-A condition has the value 0 or 1 in each entry.
+The keys are the names of the operations. A condition has the value 0 or 1 in each entry.
 """
 # The first entry replaces powers of e, which the exponential laws of friction contain.
 ABBREVIATIONS = {
@@ -67,9 +68,9 @@ ABBREVIATIONS = {
     "SSM_R(": "R(",
     "ssm_real": "real",
 }
-"""Text in the generated functions, and the shorter text that replaces it.
+"""Texts in the generated functions, and the shorter texts that replace them.
 
-The C sources define the shorter names as macros.
+The C sources define the shorter names as macros. The only purpose is a smaller file.
 """
 MAX_LINE_LENGTH = 120
 """Largest number of characters in a generated line."""
@@ -79,7 +80,7 @@ Symbols = dict[str, ca.SX]
 
 @dataclass
 class _KernelWriter:
-    """Collector of generated C functions."""
+    """Generator of C functions, which collects their texts."""
 
     texts: list[str] = field(default_factory=list)
     """Definitions of the C functions so far."""
@@ -92,22 +93,22 @@ class _KernelWriter:
         values: Sequence[Any],
         kinds: str = "at by bend",
     ) -> None:
-        """Add the C functions of one part of the model.
+        """Append the C functions NAME_at, NAME_by and NAME_bend of one part of the model.
 
-        Their names are NAME_at, NAME_by and NAME_bend.
+        The module's docstring states what they compute.
 
         Parameters
         ----------
         name : str
             Common beginning of the names, NAME.
         constants : dict of casadi.SX
-            Inputs that are not differentiated, by name.
+            Inputs with respect to which the values are not differentiated, by name.
         v : (str, casadi.SX)
-            Name and symbols of the variables of the derivatives.
+            Name and symbols of the variables with respect to which they are differentiated.
         values : sequence of casadi.SX
             Expressions of the values.
         kinds : str
-            Endings of those of the three functions that native/elements.c needs.
+            Endings of the functions that native/elements.c needs. NAME_by is always written.
         """
         variable_name, symbols = v
         inputs = {**constants, variable_name: symbols}
@@ -121,11 +122,10 @@ class _KernelWriter:
             self.function(f"{name}_bend", {**inputs, "lam": lam}, {"bend": bend}, adds=True)
 
     def function(self, name: str, inputs: Symbols, outputs: Symbols, *, adds: bool = False) -> None:
-        """Add one C function.
+        """Append one C function to `texts`.
 
-        Its outputs are dense arrays, row by row.
-
-        The function only writes entries that are not structurally zero.
+        The outputs of the C function are dense arrays, row by row. It only writes the entries that
+        are not structurally zero.
 
         Parameters
         ----------
@@ -140,6 +140,7 @@ class _KernelWriter:
         arguments = []
         for key, value in outputs.items():
             rows, columns = value.sparsity().get_triplet()
+            # Positions of the nonzeros in the dense array.
             indices = [r * value.size2() + c for r, c in zip(rows, columns, strict=True)]
             results.append(ca.SX(value.nz[:]) if indices else ca.SX(0, 1))
             arguments.append(Argument(key, len(indices), indices, adds))
@@ -153,7 +154,8 @@ class _KernelWriter:
             arguments,
             VECTOR_EXPRESSIONS,
         )
-        # Compilers warn of an output without nonzeros, which only a linear part has (`bend`).
+        # The Hessian of a linear part has no nonzeros. Compilers would warn that its output `bend`
+        # is not used.
         if not all(argument.size for argument in arguments):
             text = text.replace("{\n", "{\n    (void)bend;\n", 1)
         for long, short in ABBREVIATIONS.items():
@@ -162,9 +164,7 @@ class _KernelWriter:
 
 
 def _pack_statements(text: str) -> str:
-    """Put as many statements of a C function on each line as fit.
-
-    A line has at most `MAX_LINE_LENGTH` characters.
+    """Put as many statements of a C function on each line as `MAX_LINE_LENGTH` allows.
 
     Parameters
     ----------
@@ -190,12 +190,10 @@ def _pack_statements(text: str) -> str:
 
 
 def kernels_text() -> str:
-    """Generate the text of the C header with the physical laws.
+    """Generate the text of native/kernels.h, the C header with the physical laws.
 
-    The header is native/kernels.h.
-
-    It consists of the sizes of all arrays and the positions of their entries as macros, and of the
-    C functions of all parts of an element.
+    It consists of macros and of the C functions of all parts of the model. The macros contain the
+    sizes of all arrays and the positions of their entries.
     """
     writer = _KernelWriter()
     sizes = {
@@ -228,15 +226,15 @@ def kernels_text() -> str:
 
 
 def _write_posture_rows(writer: _KernelWriter) -> int:
-    """Add the rows of a free motion that depend on the positions and velocities of the joints.
+    """Write the C functions of the rows of a free motion that depend on positions and velocities.
 
-    Subexpressions that depend only on the robot, the eye and the limits do not change during a
-    solve. The C function `prepare` computes them once.
+    A row is one limit of the motion. Parts of the expressions depend only on the robot, the eye and
+    the limits, which do not change during a solve. The C function `prepare` computes them once.
 
     Parameters
     ----------
     writer : _KernelWriter
-        Collector of the C functions, which is extended.
+        Generator to which the C functions are appended.
 
     Returns
     -------
@@ -257,6 +255,7 @@ def _write_posture_rows(writer: _KernelWriter) -> int:
     shared: Any
     parametric: Any
     expression, shared, parametric = ca.extract_parametric(expression, everything)
+    # The rows still contain some entries of `everything` itself, so `prepare` copies them all.
     local_symbols = _symbols("own", everything.numel())
     expression = ca.substitute(expression, everything, local_symbols)
     symbols = ca.vertcat(*shared, local_symbols)
@@ -271,7 +270,11 @@ def _write_posture_rows(writer: _KernelWriter) -> int:
 
 
 def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
-    """Build the rows of a free motion that depend on the positions and velocities of the joints.
+    """Build the rows of a free motion that depend on positions and velocities as expressions.
+
+    They are the rows (limits) of the tool speeds, the ranges and rates of task coordinates, the
+    retina and the lens. All numbers of the robot are symbols, so that one C function serves all
+    robots.
 
     Parameters
     ----------
@@ -291,20 +294,23 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
     mechanism: Any = MECHANISM_LAYOUT.unpack(inputs["mechanism"])
     eye: Any = EYE_LAYOUT.unpack(inputs["eye"])
     limits = FreeElement.layout.unpack(inputs["limits"])
+    # The axes of joints 2 and 3 have no y component in the frame of the C code.
     for name in ("omega2", "omega3"):
         x, z = ca.vertsplit(getattr(mechanism, name))
         setattr(mechanism, name, ca.vertcat(x, 0, z))
     mechanism.omega1 = ca.SX([0, 0, 1])
     mechanism.tool_home = ca.SX.eye(3)
-    # The formulas of the package read these attributes. The lens has its own part, and its frame
-    # is already divided by the semi-axes, which are therefore 1.
+    # The formulas of the package read the following attributes. The lens is not an attribute of the
+    # eye here, because its row is a part of its own. The columns of its frame are already divided
+    # by the semi-axes, which are therefore 1.
     eye.lens = None
     lens: Any = SimpleNamespace(
         centre=_object_array(eye.lens_centre), semi_axes=_object_array(ca.SX.ones(3))
     )
     lens.frame = _object_array(eye.lens_frame).reshape(3, 3)
-    angles = ca.vertcat(q[0], q[1] - mechanism.offset, q[2:])  # These functions take θ2 itself.
-    # The speeds do not depend on a rotation about the first axis.
+    # The formulas of the task coordinates need the angle θ2 itself, without the frame's offset.
+    angles = ca.vertcat(q[0], q[1] - mechanism.offset, q[2:])
+    # The speeds do not depend on the rotation about the axis of joint 1, so it is set to 0.
     rotated = ca.vertcat(0, q[1:])
     speeds = [
         ca.sumsqr(ca.substitute(jacobian(mechanism, q) @ qd, q, rotated))
@@ -321,23 +327,27 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
 
 
 def _write_drive_torques(writer: _KernelWriter) -> None:
-    """Add the rows of a motor's torque, and the torque relative to its nominal value ("pull").
+    """Write the C functions of the torque rows of a motor, and of its torque in the cost ("pull").
 
-    There is one part of each for every torque law (one mesh, or two nuts) and law of friction.
+    There is one part of each for every torque law (one mesh, or two nuts) and law of friction. The
+    variables of the derivatives are the rigid-body torque, the velocity and the acceleration of the
+    joint.
 
     Parameters
     ----------
     writer : _KernelWriter
-        Collector of the C functions, which is extended.
+        Generator to which the C functions are appended.
     """
     drive_symbols = _symbols("drive", DRIVE_LAYOUT.size)
     sigma = _symbols("sigma", 1)
     v = _symbols("v", 3)
     inputs = {"drive": drive_symbols, "sigma": sigma}
     for (two_nuts, mesh), law in product(enumerate(TORQUE_LAWS), FRICTION_LAWS):
+        # The law of a `Drive` is evaluated with symbols in place of its fields. One vector contains
+        # the fields of the drive and of its friction.
         drive: Any = DRIVE_LAYOUT.unpack(drive_symbols)
         drive.two_nuts = two_nuts
-        drive.stages = {}  # the values of the thread contain them
+        drive.stages = {}  # `compiled` replaces gear stages by an equivalent thread.
         drive.friction = DRIVE_LAYOUT.unpack(drive_symbols)
         drive.friction.law = law
         if law == "coulomb":
@@ -351,28 +361,47 @@ def _write_drive_torques(writer: _KernelWriter) -> None:
 
 
 def _write_path_motion(writer: _KernelWriter) -> None:
-    """Add the motion, the load and the tool speed of one joint along a path.
+    """Write the C functions of the motion and load of one joint, and of a tool speed, along a path.
+
+    They are the parts "joint", "effort" and "speed". native/elements.c calls them for each joint,
+    each payload and each tool speed.
 
     Parameters
     ----------
     writer : _KernelWriter
-        Collector of the C functions, which is extended.
+        Generator to which the C functions are appended.
     """
     x = _symbols("x", 5)
     packed = _symbols("limits", StraightElement.layout.size)
     fit_range = _symbols("place", 2)
+    # Stands for a `StraightElement` with jerk and one payload.
     element: Any = SimpleNamespace(
         layout=StraightElement.layout, jerk=True, robot=SimpleNamespace(loads=(SimpleNamespace(),))
     )
 
     def instant(*names: str) -> tuple[Symbols, Instant]:
-        """Return the C inputs, and an instant whose fit contains only the named curves."""
+        """Build the motion of a path of which only some curves are not 0, for joint 1.
+
+        Parameters
+        ----------
+        *names : str
+            Names of these curves in `straight_element.curves_layout`.
+
+        Returns
+        -------
+        inputs : dict of casadi.SX
+            Symbols of the inputs of the C function. "curve" contains the coefficients of the named
+            curves.
+        motion : Instant
+            Motion and load. Only the entries of joint 1, or of the first tool speed, are valid.
+        """
         curves = curves_layout(1)
         coefficients = _symbols("curve", (FIT_DEGREE + 1) * len(names))
         fit = ca.SX.zeros(fit_layout(1).size)
         fit[:2] = fit_range
         for k, name in enumerate(names):
             for degree in range(FIT_DEGREE + 1):
+                # The first two numbers of a fit are the centre and half width of its interval.
                 entry = 2 + degree * curves.size + curves.slices[name].start
                 fit[entry] = coefficients[(FIT_DEGREE + 1) * k + degree]
         inputs = {"limits": packed, "place": fit_range, "curve": coefficients}
@@ -389,14 +418,15 @@ def _write_path_motion(writer: _KernelWriter) -> None:
 
 
 def _write_joint_limits(writer: _KernelWriter) -> None:
-    """Add the rows of velocity, stop, acceleration and jerk of one joint along a path.
+    """Write the C functions of the kinematic rows of one joint along a path.
 
-    The part "sense" contains the rows of one direction, and "pace" those of acceleration and jerk.
+    The part "sense" contains the rows of the velocity and of the distance to stop in one direction.
+    The part "pace" contains the rows of acceleration and jerk in both directions.
 
     Parameters
     ----------
     writer : _KernelWriter
-        Collector of the C functions, which is extended.
+        Generator to which the C functions are appended.
     """
     v = _symbols("v", 3)
     sigma = _symbols("sigma", 1)
@@ -424,15 +454,16 @@ def _write_joint_limits(writer: _KernelWriter) -> None:
 
 
 def _write_states(writer: _KernelWriter) -> None:
-    """Add the state of one coordinate at a fraction of an element, as a function of z.
+    """Write the C functions of the state of one coordinate at a fraction of an element.
 
-    The part "state" serves free motions, and "line" serves motions along a path. The input `hull`
-    is 1 if the middle Bernstein coefficient replaces the velocity ṡ_b, and otherwise 0.
+    The part "state" serves free motions, and "line" serves motions along a path. Both are functions
+    of the vector z of the element. The input `share` is the fraction. The input `hull` is 1 if the
+    middle Bernstein coefficient of the velocity takes the place of ṡ_b, and 0 if ṡ does.
 
     Parameters
     ----------
     writer : _KernelWriter
-        Collector of the C functions, which is extended.
+        Generator to which the C functions are appended.
     """
     z = _symbols("z", 5)
     share = _symbols("share", 1)
@@ -471,7 +502,7 @@ def _split_state(y: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     Parameters
     ----------
     y : (12,) casadi.SX
-        State.
+        State of the four joints.
 
     Returns
     -------
@@ -482,9 +513,9 @@ def _split_state(y: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def _object_array(value: ca.SX) -> Any:
-    """Convert an expression to a NumPy array of expressions.
+    """Convert a CasADi expression to a NumPy array of scalar expressions.
 
-    The kinematic formulas for arrays then apply to it.
+    The formulas of the package for NumPy arrays can then be applied to it.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Nonlinear program on a mesh of cubic elements, in the form that the structured solver reads.
+"""The optimisation problem (program) of a motion, in the form that the structured solver reads.
+
+A mesh divides the motion into elements, intervals of time in which all coordinates are cubic
+polynomials. The program is
 
     min   w_t Σ T + w_c Σ_k L(z_k) + Σ_k h_k Σ_i p_i (a_0² + a_0 a_1 + a_1²)_i + e var(T / T_least)
     s.t.  G_j(z_k) ≤ bound of every group j at its elements k,   A z_k ≤ bound,   T ≥ T_least,
@@ -6,11 +9,13 @@
 
 The unknowns are the coefficients c of a spline (`spline.Spline`) and the durations T of the blocks,
 which are groups of neighbouring elements. They determine the vector z_k (5 m + 1,) of every element
-k: its m coordinates u, their derivatives, its length h_k, and middle Bernstein coefficients. a_0
-and a_1 are ü of the coordinates at the ends of the element. The rows G (path constraints) and the
-cost L depend on all entries of z_k except the last m. `planning.ocp.structured` builds programs,
-and `solve` solves them. The C code in native/program.c and derivatives.c evaluates their values and
-derivatives.
+k. It contains the m coordinates u, their derivatives, the length h_k, and the middle Bernstein
+coefficients of u̇. The rows G (path constraints) and the cost L depend on all entries of z_k except
+for the last m. a_0 and a_1 are ü of a coordinate at both ends of the element, and the sum with the
+weights p_i is 3 ∫ p_i ü² dt.
+
+`planning.ocp.structured` builds programs, and `solve` solves them. The C code in native/program.c
+and derivatives.c evaluates their values and derivatives.
 """
 
 import ctypes
@@ -27,7 +32,10 @@ _Derivatives = ctypes.CFUNCTYPE(ctypes.c_int, *[_P] * 4, ctypes.POINTER(_P))
 
 
 class ElementGroup(ctypes.Structure):
-    """Functions G and L of several elements in C: the struct of this name in native/elements.h."""
+    """C functions that evaluate the rows G and the cost L of several elements.
+
+    The struct has the same name in native/elements.h.
+    """
 
     _fields_ = (
         *(("context", _P), ("size_z", _L), ("rows", _L), ("costs", _L), ("count", _L)),
@@ -45,7 +53,7 @@ class ElementGroup(ctypes.Structure):
         library : ctypes.CDLL
             The compiled part of the package.
         context : ctypes.Structure
-            Data of the functions. The caller must keep it alive.
+            Struct with the data that the C functions read. The caller must keep it alive.
         sizes : tuple of four int
             Length of z without its last m entries, and numbers of rows, costs and elements.
 
@@ -60,10 +68,10 @@ class ElementGroup(ctypes.Structure):
 
 
 class NativeGroup(Protocol):
-    """An object that owns the functions of a group and all memory to which they point."""
+    """An object that keeps the C functions of a group and all their data alive."""
 
     group: ElementGroup
-    """The functions."""
+    """The C functions."""
 
 
 @record
@@ -71,7 +79,7 @@ class RowGroup:
     """Rows G(z) ≤ bound at q elements, and the cost L of these elements."""
 
     native: NativeGroup
-    """The functions G and L with their derivatives."""
+    """C functions for G and L with their derivatives."""
     elements: Indices
     """Indices of the elements in any order, (q,). An element may occur several times."""
     bound: Array
@@ -82,10 +90,13 @@ class RowGroup:
 
 @keyword_record
 class Program:
-    """A program with n elements, m coordinates and b blocks, in the notation of the module."""
+    """An optimisation problem with n elements, m coordinates and b blocks.
+
+    The module's docstring states it and explains the symbols.
+    """
 
     spline: Spline
-    """Relation between the unknowns and the elements."""
+    """Relation between the unknowns and the vectors z of the elements."""
     groups: tuple[RowGroup, ...]
     """Nonlinear constraints and costs of the elements."""
     matrix: Array
@@ -93,7 +104,7 @@ class Program:
     bound: Array
     """Upper bounds of A z for each element, (n, l). Infinite where a row is unlimited."""
     free: Array
-    """True for unknowns of the spline that may change, (spline.rows, m). The others are fixed."""
+    """True for unknowns of the spline that the solver may change, (spline.rows, m)."""
     equal: tuple[Indices, Indices, Array]
     """Equality constraints z_k[i] = value: the indices k and i, and the values, (q,) each."""
     least_times: Array
@@ -109,7 +120,7 @@ class Program:
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """Numbers of inequality and of equality constraints.
+        """Number of inequality constraints, and number of equality constraints.
 
         The inequality constraints are, in this order, the rows of the groups, those of A, T ≥
         T_least, and the finite bounds of the duration. A fixed duration is an equality constraint.

@@ -2,9 +2,10 @@
 
 An interior-point method adds μ times a logarithmic barrier of the inequality constraints to the
 objective, and decreases the barrier weight μ step by step. The solver minimises each barrier
-function by Newton steps with a filter line search. It is called structured because it uses the
-chain of elements: its linear systems are small positive definite band matrices with a border.
-Without the compiled part of the package, only Ipopt solves programs.
+function by Newton steps with a filter line search. It is called structured because it makes use of
+the structure of a motion. Each element (interval of time) depends only on unknowns of its
+neighbours, so the linear systems are small positive definite band matrices with a border. If the
+package was built without a C compiler, only Ipopt solves programs.
 """
 
 import ctypes
@@ -16,31 +17,31 @@ from ssm_planner.native import library
 from ssm_planner.typing import Array, record
 
 OPTIMALITY_TOLERANCE = 1e-8
-"""Largest residual of the optimality conditions (KKT) at a solution, also of Ipopt."""
+"""Largest residual of the optimality conditions (KKT) at a solution of this solver or of Ipopt."""
 TOLERANCE_PER_BARRIER = 11.0
-"""Ratio of `OPTIMALITY_TOLERANCE` to the last barrier weight μ. native/solver.c has the same value.
+"""`OPTIMALITY_TOLERANCE` divided by the last barrier weight μ.
 
-Ipopt uses the same weight when it confirms a solution.
+native/solver.c contains the same value. Ipopt uses the same weight μ when it confirms a solution.
 """
 FIRST_BARRIER = 1e-4
-"""First barrier weight μ of a cold start, that is, of one without multipliers. Also Ipopt's."""
+"""First barrier weight μ of a solve without initial multipliers, in this solver and in Ipopt."""
 
 
 @record
 class State:
-    """The final state of a solve, at which the solve of a similar program may start."""
+    """The last iterate of a solve, from which the solve of a similar program may start."""
 
     point: Point
     """Unknowns at the last iterate."""
     slacks: Array
-    """Differences between bound and value of all inequality constraints, as in `Program.sizes`.
+    """Differences between bound and value of all r inequality constraints, (r,).
 
-    The slack of an unlimited row is 1.
+    They have the order of `Program.sizes`. The slack of a constraint without a finite bound is 1.
     """
     multipliers: Array
-    """Lagrange multipliers of all inequality constraints, 0 for an unlimited row."""
+    """Lagrange multipliers of the inequality constraints, (r,), 0 without a finite bound."""
     equality_multipliers: Array
-    """Lagrange multipliers of the equality constraints."""
+    """Lagrange multipliers of the e equality constraints, (e,)."""
 
 
 @record
@@ -68,25 +69,27 @@ def solve(
     barrier_exponent: float,
     centring_tolerance: float,
 ) -> Outcome:
-    """Find a local minimum of a program.
+    """Find a local minimum of a program (an optimisation problem of a motion).
 
     Parameters
     ----------
     program : Program
         The program.
     start : Point
-        Initial point of a cold start.
+        Initial values of the unknowns. They are not used with `warm`.
     warm : State or None
-        Final state of a solve of the same dimensions, which replaces `start`.
+        Last iterate of a solve of the same dimensions, from which this solve starts. None: the
+        solve starts from `start` without multipliers.
     iterations : int
         Largest number of iterations.
     barrier_exponent : float
         Largest exponent e with which the weight of the barrier decreases, μ → μ^e. A smaller
         exponent takes more iterations.
     centring_tolerance : float
-        Largest relative deviation of slack times multiplier from the last barrier weight, if the
-        caller needs a solution close to the central path. Infinite otherwise. To meet it, the
-        solver computes multipliers from the slacks. It is not a condition of convergence.
+        Largest relative deviation of slack times multiplier from the last barrier weight, for a
+        caller that needs a solution close to the central path. Infinite for any other caller. To
+        meet the tolerance, the solver computes multipliers from the slacks. The tolerance is not a
+        condition of convergence.
 
     Returns
     -------
@@ -96,7 +99,7 @@ def solve(
     Raises
     ------
     RuntimeError
-        Without the compiled part of the package.
+        If the package was built without a C compiler.
     MemoryError
         If the solver cannot allocate memory.
     """
@@ -132,7 +135,10 @@ def solve(
 
 
 _CONVERGED = 1
-"""Status of `ssm_solve` after convergence. 0: no convergence. Larger: not enough memory."""
+"""Status that `ssm_solve` returns if it has converged.
+
+It returns 0 if it has not converged, and a larger status if there is not enough memory.
+"""
 _P = ctypes.c_void_p
 _L = ctypes.c_long
 _D = ctypes.c_double
@@ -198,7 +204,7 @@ class _NativeProgram:
         Parameters
         ----------
         program : Program
-            The program. The object keeps the memory of all its arrays alive.
+            The program. This object keeps the memory of all its arrays alive.
         """
         self._kept: list[object] = []
         groups = (_Group * len(program.groups))(
@@ -242,12 +248,12 @@ class _NativeProgram:
         )
 
     def _doubles(self, values: object) -> int:
-        """Copy values to an array of C doubles if necessary, and return the address of the array.
+        """Store values as an array of C doubles that stays alive, and return its address.
 
         Parameters
         ----------
         values : array-like
-            Numbers of any shape.
+            Numbers of any shape. They are only copied if they are not such an array yet.
 
         Returns
         -------
@@ -257,12 +263,12 @@ class _NativeProgram:
         return self._keep(values, float)
 
     def _longs(self, values: object) -> int:
-        """Copy values to an array of C longs if necessary, and return the address of the array.
+        """Store values as an array of C longs that stays alive, and return its address.
 
         Parameters
         ----------
         values : array-like
-            Whole numbers of any shape.
+            Whole numbers of any shape. They are only copied if they are not such an array yet.
 
         Returns
         -------
@@ -272,14 +278,14 @@ class _NativeProgram:
         return self._keep(values, np.dtype(ctypes.c_long))
 
     def _keep(self, values: object, dtype: object) -> int:
-        """Convert values to a contiguous array that stays alive, and return its address.
+        """Store values as a contiguous array in `_kept`, and return its address.
 
         Parameters
         ----------
         values : array-like
-            Numbers of any shape.
+            Numbers of any shape. They are only copied if they are not such an array yet.
         dtype : dtype
-            Type of the entries.
+            Type of the entries in C.
 
         Returns
         -------
