@@ -1,4 +1,7 @@
-"""The independent check of motions. Each name is loaded on first use."""
+"""The independent check of motions, which evaluates every limit without the planner.
+
+Each name is loaded on first use.
+"""
 
 import lazy_loader
 

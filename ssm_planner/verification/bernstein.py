@@ -20,9 +20,15 @@ from numpy.polynomial.polynomial import polyval
 from ssm_planner.typing import Array, Indices
 
 MAX_HALVINGS = 48
-"""Number of halvings of [0, 1] after which the remaining interval counts as a point."""
+"""Number of halvings of [0, 1] after which the remaining interval counts as a point.
+
+Its length is then 2^−48, about 4e-15.
+"""
 BISECTION_STEPS = 54
-"""Number of bisection steps for an interval that contains one zero."""
+"""Number of bisection steps for an interval that contains one zero.
+
+The remaining interval is then smaller than the spacing of double-precision numbers near 1.
+"""
 MAX_SCALAR_POLYNOMIALS = 8
 """Largest number of polynomials for which bisection with Python floats is faster than arrays."""
 
@@ -43,6 +49,7 @@ def from_powers(powers: Array) -> Array:
     """
     degree = powers.shape[1] - 1
     scale = np.array([1 / comb(degree, i) for i in range(degree + 1)])
+    # The scale has one entry for each power, along the second axis.
     coefficients = powers * scale.reshape(-1, *(1,) * (powers.ndim - 2))
     # Pascal's triangle gives Σ_i C(j, i) a_i. A matrix product is slower: it starts threads.
     for row in range(1, degree + 1):
@@ -74,7 +81,7 @@ def to_powers(coefficients: Array) -> Array:
 
 
 def split_at_middle(coefficients: Array) -> tuple[Array, Array]:
-    """Divide polynomials at the middle of the interval by de Casteljau's algorithm.
+    """Divide polynomials on [0, 1] at 1/2 by de Casteljau's algorithm.
 
     Parameters
     ----------
@@ -99,12 +106,12 @@ def split_at_middle(coefficients: Array) -> tuple[Array, Array]:
 def find_group_maxima(
     coefficients: Array, tolerance: Array, threshold: Array
 ) -> tuple[Array, Indices, Array]:
-    """Find the largest value on [0, 1] in each of k groups of m polynomials.
+    """Find the largest value that any of m polynomials has on [0, 1], for each of k groups of them.
 
-    Branch and bound: The interval [0, 1] is halved again and again. The ends and the middle of an
-    interval give values of the polynomial, and its Bernstein coefficients give an upper bound. An
-    interval is dropped if its bound does not exceed the largest value of the group so far by more
-    than the tolerance.
+    The method is branch and bound. The interval [0, 1] is halved again and again. The ends and the
+    middle of an interval give values of the polynomial, and its Bernstein coefficients give an
+    upper bound. An interval is dropped if its bound does not exceed the largest value of the group
+    so far by more than the tolerance.
 
     Parameters
     ----------
@@ -128,6 +135,8 @@ def find_group_maxima(
     maximum = ends[groups, index]
     argument = np.where(coefficients[groups, 0, index] >= maximum, 0.0, 1.0)
     value_to_exceed = np.maximum(maximum, threshold) + tolerance
+    # The first and the last coefficient are values at the ends, which `maximum` already contains.
+    # Only inner coefficients can show that a larger value may exist.
     group, polynomial = np.nonzero(
         coefficients[:, 1:-1].max(axis=1, initial=-np.inf) > value_to_exceed[:, None]
     )
@@ -197,10 +206,12 @@ def find_sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, A
         pieces = np.concatenate([left_half, right_half])
         index = np.tile(index, 2)
         start = np.concatenate([start, start + width])
+        # Intervals without a zero are dropped, and so are those in which the polynomial is 0.
         keep = (pieces.max(axis=1) >= 0) & (pieces.min(axis=1) <= 0) & np.any(pieces != 0, axis=1)
         pieces = pieces[keep]
         index = index[keep]
         start = start[keep]
+        # One sign change and nonzero ends mean exactly one zero, which bisection can find.
         single = _count_sign_changes(pieces) == 1
         single &= (pieces[:, 0] != 0) & (pieces[:, -1] != 0)
         roots.append((index[single], start[single] + width * _find_single_zeros(pieces[single])))
@@ -235,6 +246,7 @@ def _count_sign_changes(coefficients: Array) -> Indices:
         The numbers of sign changes, which bound the numbers of zeros in (0, 1).
     """
     signs = np.sign(coefficients.T)
+    # A coefficient that is 0 takes the sign of the one before it.
     for k in range(1, len(signs)):
         signs[k] = np.where(signs[k] == 0, signs[k - 1], signs[k])
     return np.count_nonzero(signs[1:] * signs[:-1] < 0, axis=0)
@@ -290,6 +302,7 @@ def _find_single_zero(powers: list[float], falling: bool) -> float:
     low = 0.0
     high = 1.0
     leading, *lower = powers[::-1]
+    # The inner loop evaluates the polynomial in the middle by Horner's rule.
     for _ in range(BISECTION_STEPS):
         middle = (low + high) / 2
         value = leading

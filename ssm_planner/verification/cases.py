@@ -37,7 +37,7 @@ EVALUATED_INSTANTS = 250
 As many instants with the largest nominal torque are added.
 """
 MAX_SAMPLING_RATE = 1e6
-"""Largest sampling rate, Hz. It limits the number of instants in short pieces of the motion."""
+"""Sampling rate that no piece of the motion exceeds, Hz. Very short pieces get fewer instants."""
 INTERVAL_FRACTIONS = np.array([[0.0], [0.5], [1.0]])
 """Sampling instants in an interval without reversal of a joint, as fractions of its width."""
 TORQUES_PER_BLOCK = 400_000
@@ -47,7 +47,7 @@ TORQUES_PER_BLOCK = 400_000
 def worst_case_torques(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> list[LimitedQuantity]:
-    """Select the worst cases of friction and payload for each motor torque.
+    """Select the combinations of friction and payload with the largest torque of each motor.
 
     Parameters
     ----------
@@ -71,6 +71,7 @@ def worst_case_torques(
     """
     if limits.friction is None and limits.payload is None:
         return []
+    # Payloads in kg: an empty tip, and both ends of the range if the task states one.
     masses = sorted({0.0, *(limits.payload or ())})
     motion = _SampledMotion(trajectory, robot, masses)
     quantities: list[LimitedQuantity] = []
@@ -142,6 +143,8 @@ def _extreme_parameter_sets(parameter_sets: Arrays) -> Arrays:
     """
     values = np.unique(np.column_stack(list(parameter_sets.values())), axis=0)
     only_equal = LAW_COLUMN, "b_oc", "b_ov"
+    # dominates[i, j] is True if no parameter of set j is larger than that of set i. A set is kept
+    # if no other set dominates it, or if it dominates no other set.
     dominates = np.ones((len(values), len(values)), dtype=bool)
     for name, column in zip(parameter_sets, values.T, strict=True):
         dominates &= column[:, None] == column if name in only_equal else column[:, None] >= column
@@ -191,6 +194,7 @@ class _SampledMotion:
             )
             s = intervals.begin + INTERVAL_FRACTIONS * intervals.width
             q, qd, qdd = pieces.evaluate(intervals.piece, s)
+            # A joint that starts does so at the first instant of an interval.
             starting = intervals.starting * (INTERVAL_FRACTIONS[:, :, None] == 0)
             direction = np.broadcast_to(intervals.direction, starting.shape)
             blocks.append(np.stack([q, qd, qdd, direction, starting]).reshape(5, -1, 4))
@@ -265,4 +269,5 @@ class _SampledMotion:
             torque = self.torque(i, drive_with_values(drive, columns), payload_index, instants)
             mean_square = np.square(torque).mean(axis=1)
             tables.append(np.stack([torque.max(axis=1), -torque.min(axis=1), mean_square], axis=1))
+        # Each of the three columns has its own extreme set.
         return {(int(k), payload_index) for k in np.argmax(np.concatenate(tables), axis=0)}

@@ -33,7 +33,7 @@ from ssm_planner.typing import JsonObject, frozen
 ROUNDING_TOLERANCE = 1e-6
 """Relative excess of a limit that counts as rounding."""
 KEPT, VIOLATED, NOT_JUDGED = "kept", "violated", "not judged"
-"""Verdicts on a limit and on a motion."""
+"""Verdicts on a limit and on a whole motion."""
 
 
 @frozen
@@ -471,7 +471,8 @@ def with_seal(
     """Return the certificate with a seal.
 
     The seal is a hash of the certificate and of the input of the check. `seal_error` detects later
-    whether any of them has changed.
+    whether any of them has changed. The function also remembers the result and the input in
+    `_last_sealed`, so that `seal_error` need not compute the hash again.
 
     Parameters
     ----------
@@ -576,10 +577,10 @@ def _seal_hash(
 
 
 def _path_keys(entry: Straight | Follow) -> JsonObject:
-    """Return the keys of a motion that constrain the path of the tip.
+    """Return the keys of a motion that the seal covers.
 
-    The seal covers these keys. It does not cover the duration of the motion and the file and line
-    that define it.
+    They constrain the path of the tip. The duration of the motion, and the file and line that
+    define it, are left out.
 
     Parameters
     ----------

@@ -1,13 +1,14 @@
 """Independent check of a trajectory against every limit, with the exact friction law.
 
-The function `check` is the main entry. It shares no code with the planner. It receives polynomials
-in time, a robot and the limits of a task, and it returns a `Certificate`. Three methods find the
-worst value of a limited quantity:
+The main function is `check`. It does not call the planner. It receives a motion as polynomials in
+time, a robot and the limits of a task, and it returns a `Certificate`. Three methods find the worst
+value of a limited quantity:
 
 - The extremes of polynomials (position, velocity, acceleration, jerk, motor speed) are computed
   exactly from their Bernstein coefficients (`bernstein`).
-- The other quantities are sampled densely, on both sides of every break and of every reversal.
-  Intervals that may contain a larger value are divided (`sampled_extremes`).
+- The other quantities are sampled densely, also on both sides of every break (where two polynomials
+  meet) and of every reversal of a joint. Intervals between samples that may contain a larger value
+  are divided (`sampled_extremes`).
 - The RMS torque of a motor is an integral over the motion. It is compared with the continuous
   torque of the motor.
 
@@ -55,11 +56,11 @@ STOP_SAMPLING_RATE = 1000.0
 REFINEMENT_INSTANTS = 21
 """Number of additional stops that are computed near the farthest stop."""
 MAX_INSTANTS = 3_000_000
-"""Largest number of sampling instants. Longer trajectories are sampled at a lower rate."""
+"""Largest number of sampling instants. A motion that would need more has a lower sampling rate."""
 LINEAR_PIECES_REASON = "not defined on straight pieces (linear interpolation)"
 """Reason why a limit of a table without velocities is not judged."""
 NO_TASK_LIMITS = TaskLimits()
-"""A task without limits, which is the default."""
+"""A task without limits, which is the default of `check`."""
 
 
 def check(
@@ -228,6 +229,7 @@ def _check_table_dynamics(
     unjudged : list of Unjudged
         The limits that the points do not determine, with reasons.
     """
+    # A piece is not linear if a coefficient of t² or of a higher power is not 0.
     index_blocks = blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK)
     curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in index_blocks]
     smooth = np.flatnonzero(np.concatenate(curved))
@@ -239,6 +241,8 @@ def _check_table_dynamics(
         )
     judged_limits = {(band.name, band.joint) for band in bands}
     judged_limits |= {(item.name, item.joint) for item in unjudged}
+    # A limit of an order above 1 depends on the acceleration. The continuous torque counts only if
+    # the motion is repeated (`duty`).
     all_limits = list(limits.limits)
     for joint in robot.joints:
         all_limits += joint.limits
@@ -311,7 +315,7 @@ def _missing_motor_reason(joint: Joint) -> str:
 
 
 def _check_self_locking(robot: Robot, confidence: float | None) -> list[LimitCheck]:
-    """Check that every drive which must hold its load without power is self-locking.
+    """Check that every drive that must hold its load without power is self-locking.
 
     A drive is self-locking if its friction angle exceeds its lead angle, so that no load can move
     it. Each drive has a smallest friction coefficient μ_lock at which this is the case. The margin
@@ -424,6 +428,7 @@ def _check_stop_travel(motion: Trajectory, robot: Robot, limits: TaskLimits) -> 
         return []
     stops = quickest_stops(motion, robot)
     farthest = int(np.argmax(stops.travel))
+    # The farthest stop may begin between two of the instants.
     previous = stops.time[max(farthest - 1, 0)]
     following = stops.time[min(farthest + 1, len(stops.time) - 1)]
     closer = quickest_stops(motion, robot, np.linspace(previous, following, REFINEMENT_INSTANTS))

@@ -67,7 +67,7 @@ class JumpRecorder:
             The pieces that follow those of the previous call.
         """
         starts, ends = pieces.end_states
-        # The first piece of the motion is compared with itself.
+        # The first piece of the motion has no jump, so it is compared with its own start.
         previous_end = starts[0] if self._previous_end is None else self._previous_end
         self._previous_end = ends[-1]
         jump = np.abs(starts - np.concatenate([previous_end[None], ends[:-1]]))
@@ -107,7 +107,9 @@ class JumpRecorder:
             np.cumsum(jump, axis=0)
             - self._tolerated_drift * (time - self._previous_time)[:, None, None]
         )
-        # A sum that begins with jump i is the rise at its end minus the rise just before i.
+        # `rise` is the sum of all jumps so far minus the drift tolerated so far. The sum over an
+        # interval that begins with jump i is the rise at its end minus the rise just before i. It
+        # is largest for the smallest rise before.
         lowest = np.minimum.accumulate(np.concatenate([-self._previous_sum[None], rise - jump]))[1:]
         level = rise - lowest
         self._previous_sum = level[-1]

@@ -28,18 +28,20 @@ from ssm_planner.verification.pieces import rest_speeds
 from ssm_planner.verification.sampled_extremes import SampledExtremes
 
 STOP_VARIANTS = ((0.999, False), (0.999, True), (0.5, False), (0.5, True), (0.25, True))
-"""Shares of the limits of the acceleration that stops use, and whether all joints stop together.
+"""Shares of the acceleration limits that stops use, and whether all joints stop together.
 
-The first possible stop is used. Weak motors need the smaller shares. The largest share leaves room
-for the rounding of tables.
+They are tried in this order, and the first stop that keeps all limits is used. Weak motors need the
+smaller shares. The largest share is below 1, because a stop may be written to a table with rounded
+numbers.
 """
 GRID_INSTANTS = 1000
 """Number of additional instants at which a stop may begin after the motion has continued."""
 MIN_PIECE_DURATION = 1e-9
 """Duration below which a piece is left out, s."""
 LIMIT_SAMPLE_FRACTIONS = np.linspace(0.0, 1.0, 40) ** 3
-"""Positions in a piece at which limits are evaluated, as fractions. They are dense at its start,
-because a stop often begins at a limit.
+"""Fractions of a piece at which limits are evaluated.
+
+They are dense at its start, because a stop often begins at a limit.
 """
 STARTING_SPEED_FRACTION = 1e-3
 """Share of the velocity limit below which the friction of a joint counts as static."""
@@ -77,6 +79,7 @@ def compute_joint_stops(
     edges : (n + 1,) array
         Index of the first piece of each stop, and the number of pieces.
     """
+    # A stop that is not possible at a requested instant may begin at one of the later instants.
     instants = np.union1d(times, np.linspace(0.0, motion.duration, GRID_INSTANTS))
     stops: list[StopPieces | None] = [None] * len(instants)
     for share, together in STOP_VARIANTS:
@@ -247,6 +250,7 @@ def _pieces_of_phases(
     ):
         positions.append(x + dx * t + ddx * t**2 / 2 + dddx * t**3 / 6)
         velocities.append(dx + ddx * t + dddx * t**2 / 2)
+    # The rest after the last phase has no velocity, also after rounding.
     velocities[-1] = np.zeros_like(velocity)
     starts = np.concatenate([np.zeros_like(q)[None], np.cumsum(durations, axis=0)])
     phases = np.stack([positions, velocities, accelerations / 2, jerks / 6])
@@ -255,6 +259,7 @@ def _pieces_of_phases(
         nodes = np.unique(starts[:, i])
         nodes = nodes[np.append(True, np.diff(nodes) > MIN_PIECE_DURATION)]
         middles = (nodes[1:] + nodes[:-1]) / 2
+        # Phase of each joint in each piece, from the number of phases that have ended before it.
         index = (starts[1:, i] <= middles[:, None, None]).sum(axis=1)
         joint = np.arange(4)
         x, dx, ddx, dddx = phases[:, index, i, joint]
@@ -271,7 +276,7 @@ def _pieces_of_phases(
 
 
 def _limit_excesses(stops: list[StopPieces], robot: Robot, limits: TaskLimits) -> Array:
-    """Compute the largest relative excess over any limit in each stop.
+    """Compute by how much each stop exceeds the limit that it violates most.
 
     Parameters
     ----------
@@ -286,7 +291,7 @@ def _limit_excesses(stops: list[StopPieces], robot: Robot, limits: TaskLimits) -
     -------
     (n,) array
         Distance beyond the nearer end of the permitted range, divided by half the width of the
-        range. It is negative if all limits hold, and −∞ for a stop without pieces.
+        range. It is at most 0 if all limits hold, and −∞ for a stop without pieces.
     """
     counts = [len(lengths) for lengths, _ in stops]
     excess = np.full(len(stops), -np.inf)
@@ -298,12 +303,14 @@ def _limit_excesses(stops: list[StopPieces], robot: Robot, limits: TaskLimits) -
     index = np.repeat(np.arange(len(lengths)), len(LIMIT_SAMPLE_FRACTIONS))
     samples = joined.sample_pieces(index, np.outer(lengths, LIMIT_SAMPLE_FRACTIONS).ravel())
     limited = [WorstValue(quantity) for quantity in limited_quantities(robot, limits)]
+    # Only its method `evaluate` is used, so the sampling rate has no effect.
     law = SampledExtremes(joined, robot, limited, rate=1.0, eye=limits.eye)
     direction = np.where(np.abs(samples.qd) > rest_speeds(robot), np.sign(samples.qd), 0.0)
     # Near a reversal, the friction may be static.
     static = (direction != 0) & (np.abs(samples.qd) <= STARTING_SPEED_FRACTION * robot.velocities)
     state = samples.q, samples.qd, samples.qdd
     values = iter(law.evaluate(state, direction, static.astype(float)).T)
+    # Index of the stop to which each piece belongs.
     owner = np.repeat(np.arange(len(stops)), counts)
     for quantity in (item.quantity for item in limited):
         if quantity.order is None:

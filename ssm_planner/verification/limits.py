@@ -1,7 +1,8 @@
 """The quantities that a check evaluates, and the worst value of each.
 
-A `LimitedQuantity` pairs a limit with a rule that computes the limited value from the joint motion.
-A `WorstValue` collects the worst value of one quantity while the check goes through the motion.
+A `LimitedQuantity` contains a limit and the rule that computes the limited value from the joint
+motion. A `WorstValue` stores the worst value of one quantity while the check goes through the
+motion piece by piece.
 """
 
 from collections.abc import Iterator
@@ -39,7 +40,10 @@ ACCELERATION_DEPENDENT_LIMITS = tuple(
     str(limit_type.name)
     for limit_type in (JointAcceleration, JointJerk, MotorTorque, ContinuousTorque, NutContact)
 )
-"""Names of the limits that depend on the acceleration. Linear pieces leave them undefined."""
+"""Names of the limits on quantities that depend on the acceleration.
+
+A motion with linear pieces does not define these quantities.
+"""
 JUMP_DRIFT_RATE = 1e-3
 """Largest rate at which jumps may add up, as a share of the limit of the next derivative.
 
@@ -79,7 +83,7 @@ class LimitedQuantity:
 
     limit: Limit
     index: int = -1
-    """Index of the joint or of the task coordinate."""
+    """Index of the joint or of the task coordinate. −1 for a limit of the tool."""
     order: int | None = None
     """Derivative of q[index] by time. None if the quantity is not a polynomial in time."""
     scale: float = 1.0
@@ -180,10 +184,10 @@ class WorstValue:
 
 
 def limited_quantities(robot: Robot, limits: TaskLimits) -> Iterator[LimitedQuantity]:
-    """Yield every quantity that is limited at each instant.
+    """Yield every quantity that a limit bounds at each instant of a motion.
 
     The limits are those of the joints, the motors, the task and the eye. The limits on continuous
-    torque and self-locking do not concern a single instant, so they are not included.
+    torque and self-locking do not concern single instants, so they are not included.
 
     Parameters
     ----------
@@ -213,6 +217,7 @@ def limited_quantities(robot: Robot, limits: TaskLimits) -> Iterator[LimitedQuan
         }
         for k, name in enumerate(TASK_COORDINATES):
             task_limit = by_coordinate.get(name)
+            # The depth is the position of joint 4, except for its sign.
             if task_limit is not None and name == "depth":
                 yield LimitedQuantity(
                     task_limit, 3, task_limit.order, float(robot.geometry.insertion_sign)

@@ -1,9 +1,9 @@
 """Compute a lower bound on the duration of every motion along a path, by weak duality.
 
-Let y = ṡ be the speed on the path 0 ≤ s ≤ S, and let x = y². Then 2 s̈ = x', the derivative by s. A
-motion keeps its limits if every row a_r s̈ + b_r y² + c_r + k_r y is at most 1 and y ≤ F(s). Choose
-any functions λ_r(s) ≥ 0, the multipliers, and define μ = ½ Σ λ_r a_r. The duration T of every such
-motion then satisfies
+Let y = ṡ be the speed on the path 0 ≤ s ≤ S, and let x = y². Then 2 s̈ = x', the derivative of x
+with respect to s. Every limit r of acceleration or torque is a row a_r s̈ + b_r y² + c_r + k_r y ≤
+1, and all limits of speed together are y ≤ F(s). Choose any functions λ_r(s) ≥ 0, the multipliers,
+and define μ = ½ Σ λ_r a_r. The duration T of every motion within the limits then satisfies
 
     T = ∫ 1/y ds ≥ ∫ [1/y + Σ λ_r (a_r x'/2 + b_r y² + c_r + k_r y − 1)] ds
       = [μ x] − Σ x Δμ + ∫ [1/y + p y² + κ y + Σ λ_r (c_r − 1)] ds.
@@ -67,24 +67,31 @@ QUARTIC_DERIVATIVES = (
     )
     / 3
 )
-"""Matrix from the values of a quartic at the points to its derivatives there, times the length."""
+"""Matrix that computes derivatives of a quartic at the five points from its values there.
+
+The result must be divided by the length of the interval.
+"""
 BINDING_MARGIN = 0.1
 """Largest distance of a quantity from its limit, as a share of the limit, at which it may bind."""
 OPTIMALITY_PENALTY = 0.1
-"""Cost of the deviation δ = |2p y₀³ + κ y₀² − 1| from optimality.
+"""Cost factor of the deviation δ = |2p y₀³ + κ y₀² − 1| from the condition of an optimum.
 
-The bound loses about δ²/(6 y₀). The linear program uses this factor times δ/y₀ in its place.
+A deviation makes the bound smaller by about δ²/(6 y₀). The cost in the linear program must be
+linear, so it is this factor times δ/y₀.
 """
 COEFFICIENT_JUMP_TOLERANCE = 1e-6
-"""A jump of a coefficient between intervals is rounding up to this share of its largest value."""
+"""Largest jump of a coefficient between intervals that counts as rounding.
+
+It is a share of the largest magnitude of the coefficient.
+"""
 MIN_DIVISOR = 1e-30
-"""Lower limit of −p in the division 1 / −p."""
+"""Lower limit of −p in the division 1 / −p, which prevents a division by 0."""
 MULTIPLIER_JUMP_TOLERANCE = 1e-12
-"""A jump of μ is rounding up to this value."""
+"""Largest jump of μ that counts as rounding."""
 BISECTION_STEPS = 40
-"""Number of bisections that locate y in the interval (0, F)."""
+"""Number of bisections that find the best y in the interval (0, F)."""
 SENSITIVITY_STEP = 0.01
-"""Share by which a limit grows in the definition of a sensitivity."""
+"""Share by which a limit grows in the definition of a sensitivity: one percent."""
 
 
 @frozen
@@ -126,7 +133,7 @@ def path_bound(
     limits : TaskLimits
         Limits on task rates and on the speed of the tool.
     span : (float, float)
-        Start and end of the path in s, at breaks of the trajectory.
+        Start and end of the path as times of the trajectory, s. Both are breaks.
     squares : (n + 1,) array, optional
         ṡ² of a timing at the ends of the n intervals of the path. The default is the timing of the
         motion. The bound is closest if the timing is nearly optimal.
@@ -138,7 +145,7 @@ def path_bound(
     bound : float or None
         Bound in s, or None if the linear program is infeasible.
     sensitivities : tuple of Sensitivity or None
-        Changes of the bound with the limits that bind. None without a bound.
+        Changes of the bound if one of the limits that bind grows. None without a bound.
     """
     path = PathRows.from_trajectory(trajectory, robot, span, POINT_POSITIONS, refinement)
     max_speed = np.where(path.moves, 1 / path.largest_speed_ratio(limits), 1.0)
@@ -152,6 +159,7 @@ def path_bound(
     changes: dict[LimitKey, float] = defaultdict(float)
     for name, change in zip(names, by_row.tolist(), strict=True):
         changes[name] += change
+    # At each point, the change by the speed limit F belongs to the limit that determines F.
     speed_ratios = path.speed_ratios(limits)
     binding = np.argmax(np.stack(list(speed_ratios.values())), axis=0)
     for k, name in enumerate(speed_ratios):
@@ -162,15 +170,17 @@ def path_bound(
 
 @record
 class _DualProgram:
-    """The linear program for one path with n intervals.
+    """The linear program for the multipliers λ of one path with n intervals.
 
-    Each matrix maps the unknown multipliers to the values of a quantity at the 5n points.
+    Its unknowns are the values of the multipliers at the ends of the intervals. Between them, the
+    multipliers are linear in s. Each matrix maps the unknowns to the values of a quantity at the 5n
+    points. The module's docstring defines the symbols.
     """
 
     y: Array
-    """Speeds of the timing y₀, (5n,)."""
+    """Speeds ṡ of the timing y₀, (5n,)."""
     max_speed: Array
-    """Speed limits F, (5n,)."""
+    """Speed limits F of ṡ, (5n,)."""
     weights: Array
     """Weights of the coarse and the fine rule for integrals over s, (2, 5n)."""
     p: Any
@@ -249,7 +259,16 @@ class _DualProgram:
         change = (2 * side - 1) / path.lengths[interval]
 
         def linear(factors: Array, basis: Array = value) -> Any:
-            """Return the matrix of Σ factor · λ at all points, or of λ' with `basis=change`."""
+            """Build the matrix (5n, unknowns) of Σ_r factor_r λ_r at all points.
+
+            Parameters
+            ----------
+            factors : (5n, rows) array
+                Factors of the multipliers.
+            basis : (5, k) array
+                Values at the points of the linear functions that belong to the k unknowns. With
+                their derivatives (`change`), the matrix is that of Σ_r factor_r λ_r'.
+            """
             values = basis * factors.reshape(len(positions), count, -1)[:, interval, row]
             return csr_matrix((values.ravel(), entries), shape)
 
@@ -384,10 +403,10 @@ class _DualProgram:
 
 
 def _named_rows(path: PathRows) -> list[tuple[LimitKey, Array]]:
-    """Compute the rows of all acceleration and torque limits in the bound.
+    """Compute the rows (limits, at most 1) of all accelerations and motor torques for the bound.
 
     Torque rows use the smallest friction coefficient. They are 0 in an interval in which the joint
-    reverses.
+    reverses, so that they limit nothing there.
 
     Parameters
     ----------
@@ -443,12 +462,11 @@ def _number_unknowns(slack: Array, may_jump_at: Mask) -> Array:
 
 
 def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
-    """Find the speed at every point of the path at which the integrand of the bound is smallest.
+    """Find the speed at which the integrand of the bound is smallest, at every point of the path.
 
-    The integrand is 1/y + p y² + κ y for 0 < y ≤ max_speed.
-
-    The function is convex for y³ ≤ −1/p, or everywhere if p ≥ 0, and concave beyond. Its minimum is
-    therefore in the convex part, where bisection finds it, or at y = max_speed.
+    The integrand is 1/y + p y² + κ y for 0 < y ≤ max_speed. It is convex for y³ ≤ −1/p, or
+    everywhere if p ≥ 0, and concave beyond. Its minimum is therefore in the convex part, where
+    bisection finds it, or at y = max_speed.
 
     Parameters
     ----------
@@ -476,9 +494,7 @@ def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
 
 
 def _integrand(y: Array, p: Array, kappa: Array) -> Array:
-    """Evaluate the integrand of the bound.
-
-    The integrand is 1/y + p y² + κ y.
+    """Evaluate the integrand of the bound, 1/y + p y² + κ y.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """Limits of a robot along the path of a motion, as rows a s̈ + b ṡ² + c + k ṡ ≤ 1.
 
 The modules `path_bound` and `second_opinion` use these rows, and the planner does not. The path
-parameter s is the time of the motion. The derivatives q' and q'' by s are therefore the velocities
-and accelerations of the motion, and the motion itself has ṡ = 1. Another timing of the path
-has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every row is a limited quantity divided by its limit.
+parameter s is the time of the motion. The derivatives q' and q'' with respect to s are therefore
+the velocities and accelerations of the motion, and the motion itself has ṡ = 1. Another timing of
+the path has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². A row is a limited quantity divided by its limit, so
+it must be at most 1.
 """
 
 import numpy as np
@@ -31,9 +32,9 @@ SMOOTH_JUMP = 1e-4
 MIN_SPEED_RATIO = 1e-9
 """Smallest result of `largest_speed_ratio`, which prevents a division by 0 where nothing moves."""
 PROBE_STATES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-"""Pairs (s̈, ṡ) at which the laws are evaluated.
+"""Pairs (s̈, ṡ) at which the rows are evaluated.
 
-The results determine the coefficients of a row.
+The four values determine the coefficients a, b, c and k of a row (`row_coefficients`).
 """
 LimitKey = tuple[str, str | None]
 """Name of a limit, and of its joint. The latter is None for limits of the tool and of the task."""
@@ -73,9 +74,9 @@ class PathRows:
     lengths: Array
     """Lengths of the intervals, (n,), s."""
     moves: Mask
-    """True if a joint moves, (m n,)."""
+    """True at points of intervals in which a joint moves, (m n,)."""
     q: Array
-    """Joint positions, (m n, 4)."""
+    """Joint positions, (m n, 4), rad and m."""
     direction: Array
     """Direction of every joint, (m n, 4).
 
@@ -105,7 +106,7 @@ class PathRows:
         robot : Robot
             The robot with its limits.
         span : (float, float)
-            Start and end of the path in s, at breaks of the trajectory.
+            Start and end of the path as times of the trajectory, s. Both are breaks.
         point_positions : tuple of float
             Positions of the m points in an interval, from 0 at its start to 1 at its end.
         refinement : int
@@ -127,13 +128,15 @@ class PathRows:
         starts = knots[index] + k * width
         positions = np.array(point_positions)
         times = (starts + np.multiply.outer(positions, width)).ravel()
-        # The ends of an interval belong to the pieces in its interior.
+        # At a break, the values are those of the piece within the interval, so the pieces are
+        # searched slightly inside.
         inward = np.multiply.outer(0.5 - positions, 1e-6 * width).ravel()
         piece = trajectory.piece_of(times + inward)
         samples = trajectory.sample_pieces(piece, times - trajectory.breaks[piece])
         q = samples.q.reshape(len(point_positions), -1, 4)
         travel = q[-1] - q[0]
         direction = np.sign(travel) * (np.abs(travel) > rest_speeds(robot) * width[:, None])
+        # A velocity against the direction shows that the joint reverses within the interval.
         direction[(direction * samples.qd.reshape(q.shape) < 0).any(axis=0)] = 0.0
         speed = np.stack([rate * samples.qd for _, rate in PROBE_STATES])
         acceleration = np.stack(
@@ -155,7 +158,7 @@ class PathRows:
 
     @property
     def grid(self) -> Array:
-        """Path parameter s at the ends of the n intervals, (n + 1,), in s."""
+        """Values of the path parameter at the ends of the n intervals, (n + 1,), s."""
         return np.append(0.0, np.cumsum(self.lengths))
 
     def acceleration_rows(self) -> list[Array]:
@@ -205,11 +208,10 @@ class PathRows:
         ]
 
     def largest_speed_ratio(self, limits: TaskLimits) -> Array:
-        """Compute the largest share of any speed limit that the motion uses at its own timing.
+        """Compute the largest share of any speed limit that the motion itself uses.
 
-        The motion itself has ṡ = 1.
-
-        A timing keeps all speed limits if ṡ is at most the inverse of this share.
+        The motion has ṡ = 1. Another timing keeps all speed limits if its ṡ is at most the inverse
+        of this share.
 
         Parameters
         ----------
@@ -224,11 +226,10 @@ class PathRows:
         return np.maximum(MIN_SPEED_RATIO, np.max(list(self.speed_ratios(limits).values()), axis=0))
 
     def speed_ratios(self, limits: TaskLimits) -> dict[LimitKey, Array]:
-        """Compute the share of every speed limit that the motion uses at its own timing.
+        """Compute the share of every speed limit that the motion itself uses.
 
-        The motion itself has ṡ = 1.
-
-        The limits are those of joints, motors, tool and task.
+        The limits are those of joints, motors, tool and task. The motion has ṡ = 1, and the shares
+        of another timing are ṡ times as large.
 
         Parameters
         ----------
@@ -240,6 +241,7 @@ class PathRows:
         dict of (m n,) arrays
             Shares by the name of the limit and the name of its joint or None.
         """
+        # The third probe state has ṡ = 1.
         mechanism, qd = Mechanism.from_robot(self.robot), self.speed[2]
         ratios: dict[LimitKey, Array] = {}
         for joint, speed in zip(self.robot.joints, np.abs(qd.T), strict=True):
@@ -257,10 +259,11 @@ class PathRows:
 
 
 def _smooth_sections(trajectory: Trajectory, robot: Robot, pieces: slice) -> tuple[Indices, Mask]:
-    """Divide a motion into sections of one or more pieces, in which intervals can cross breaks.
+    """Divide a motion into sections of consecutive pieces between which the motion is smooth.
 
     A section ends where an acceleration jumps, where a joint starts, stops or reverses, or after
-    about 1/`PATH_INTERVALS` of the pieces.
+    about 1/`PATH_INTERVALS` of the pieces. Intervals for the rows may cross the breaks within a
+    section.
 
     Parameters
     ----------
@@ -285,7 +288,8 @@ def _smooth_sections(trajectory: Trajectory, robot: Robot, pieces: slice) -> tup
     directions = np.sign(ends[:, 0] - starts[:, 0]) * moves
     turns = np.diff(np.hstack([directions, moves]), axis=0)
     jumps = np.abs(starts[1:, 2] - ends[:-1, 2]) > SMOOTH_JUMP * robot.accelerations
-    # The pieces are short where the motion changes quickly.
+    # The pieces are short where the motion changes quickly, so a limit on their number in a section
+    # gives more sections there.
     group = np.arange(len(moves)) // max(1, len(moves) // PATH_INTERVALS)
     is_last = np.column_stack([turns, jumps, np.diff(group)]).any(axis=1)
     first_pieces = np.append(0, np.flatnonzero(is_last) + 1)

@@ -1,6 +1,7 @@
-"""Blocks of consecutive polynomial pieces, each on s ∈ [0, 1], and extremes of polynomials.
+"""Blocks of consecutive polynomial pieces of a motion, and the extremes of these polynomials.
 
-`check` goes through a motion in blocks (`piece_blocks`), which bounds the memory for long motions.
+Each piece is a polynomial of s, which runs from 0 at its start to 1 at its end. `check` goes
+through a motion in blocks (`piece_blocks`), which bounds the memory for long motions.
 `update_polynomial_extremes` then finds the exact worst values of positions, velocities,
 accelerations, jerks and motor speeds.
 
@@ -58,9 +59,7 @@ class PieceBlock:
 
     @property
     def end_states(self) -> tuple[Array, Array]:
-        """States of the joints at the start and at the end of every piece.
-
-        Both arrays have the shape (m, 3, 4).
+        """States of the joints at the start and at the end of every piece, (m, 3, 4) each.
 
         The second axis contains q, qd and qdd.
         """
@@ -75,10 +74,8 @@ class PieceBlock:
     def coefficient_bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of positions, velocities, accelerations and jerks over all pieces.
 
-        Both arrays have the shape (4, 4).
-
-        The rows are the four quantities, and the columns are the joints. A polynomial lies between
-        its smallest and its largest Bernstein coefficient.
+        Both arrays have the shape (4, 4). The rows are the four quantities, and the columns are the
+        joints. A polynomial lies between its smallest and its largest Bernstein coefficient.
         """
         lowest, highest = (
             np.stack([extreme(values, axis=(0, 1)) for values in self.bernstein_coefficients])
@@ -181,6 +178,7 @@ class PieceBlock:
         indices = np.arange(len(self.start))
         # One row for each pair of joint and piece, all pieces of a joint after each other.
         speeds = self.bernstein_coefficients[1].T.swapaxes(0, 1).reshape(DEGREE, -1).T
+        # `cuts` contains the indices of the rows with a reversal, so the remainder is the piece.
         cuts, s = bernstein.find_sign_changes(speeds, np.repeat(rest_speeds(robot), len(indices)))
         owner = np.concatenate([indices, cuts % len(indices)])
         start_s = np.concatenate([np.zeros(len(indices)), s])
@@ -252,9 +250,7 @@ def rest_speeds(robot: Robot) -> Array:
 
 
 def _evaluate_polynomials(powers: Array, s: Array, result: Array | None = None) -> Array:
-    """Evaluate polynomials of four joints by Horner's rule.
-
-    The polynomials are Σ powers[:, k] s^k.
+    """Evaluate the polynomials Σ_k powers[:, k] s^k of four joints by Horner's rule.
 
     Parameters
     ----------
@@ -310,6 +306,7 @@ def update_polynomial_extremes(pieces: PieceBlock, extremes: Sequence[WorstValue
             i = quantity.index
             for sign, bound in ((1.0, limit.high), (-1.0, -limit.low)):
                 factor = sign * quantity.scale
+                # Value of the quantity at which it is as bad as the worst value so far.
                 threshold = bound + extreme.excess * limit.half_width
                 if max(factor * lowest[order, i], factor * highest[order, i]) > threshold:
                     candidates.append((extreme, sign, bound, threshold))

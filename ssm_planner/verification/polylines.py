@@ -1,13 +1,14 @@
-"""Speed and acceleration of a trajectory that consists of linear pieces between points.
+"""Check of a trajectory that consists of linear pieces between points.
 
 The velocity jumps at every point, so acceleration and torque are undefined. However, every smooth
 motion through three points has at some instant at least a certain acceleration. It is the jump of
 the mean velocity divided by the mean length of both intervals (mean value theorem). At an end of
-the motion, which rests there or has a declared speed, the length of the outer interval is 0. If a
-jump exceeds the acceleration limit, every motion through the points violates this limit.
+the motion, which rests there or has a declared speed, the length of the outer interval is 0. If
+this acceleration exceeds the limit, every motion through the points violates the limit. The jump is
+therefore compared with the limit times the mean length.
 
 `check` calls `check_linear_pieces` for a table of points. The largest rounding error of a point is
-called its resolution.
+called the resolution.
 """
 
 import dataclasses
@@ -40,7 +41,7 @@ def check_linear_pieces(
     resolution: Array,
     checks: Mapping[LimitedQuantity, LimitCheck],
 ) -> tuple[list[LimitCheck], list[str], list[Unjudged]]:
-    """Check the limits of a trajectory that consists of linear pieces.
+    """Judge speeds and jumps of velocity on linear pieces, with regard to rounding of the points.
 
     A jump of the velocity does not count if rounding of the points can explain it. A speed above
     its limit is not judged if rounding can explain the excess.
@@ -56,7 +57,7 @@ def check_linear_pieces(
     resolution : (4,) array
         Largest rounding error of a point, rad or m.
     checks : mapping of LimitedQuantity to LimitCheck
-        Results for the linear pieces themselves.
+        Results for the linear pieces without regard to rounding.
 
     Returns
     -------
@@ -116,9 +117,9 @@ class _SpeedRecorder:
         self.fastest = np.zeros(4)
         self.fastest_time = np.zeros(4)
         self.share = np.full(4, -np.inf)
-        """Largest ratio of a jump to the allowed jump, (4,)."""
+        """Largest ratio of a jump to the allowed jump for each joint, (4,)."""
         self.worst_jump = np.zeros((3, 4))
-        """Jump, allowed jump and time (rows) at which each joint has this ratio, (3, 4)."""
+        """Jump, allowed jump and time (rows) with this ratio for each joint, (3, 4)."""
         self._previous_velocity = start
         self._length = 0.0
         self._time = 0.0
@@ -195,12 +196,12 @@ class _SpeedRecorder:
         self.share = np.where(is_worse, share[k, joints], self.share)
 
     def results(self) -> list[LimitCheck]:
-        """Return one result for each joint, with the worst jump of its velocity.
+        """Return the worst jump of the velocity of each joint.
 
         Returns
         -------
         list of LimitCheck
-            The results. The limit is the jump that the acceleration limit allows.
+            One result for each joint. Its limit is the jump that the acceleration limit allows.
         """
         checks = []
         for i, joint in enumerate(self.robot.joints):
@@ -256,16 +257,16 @@ def _without_rounding(
 def _worst_window_speed(
     trajectory: Trajectory, i: int, bound: float, resolution: float
 ) -> tuple[float, float]:
-    """Compute the mean speed of a joint over the worst window of points.
+    """Compute the mean speed of a joint over the window of points that is worst for a speed limit.
 
-    A window contains all points between two points of the table. A motion with |q̇| ≤ bound passes
-    all points within their rounding if and only if
+    A window contains all points between two points of the table. A motion with |q̇| ≤ bound that
+    passes all points within their rounding exists if and only if
 
-        |q(t) − q(s)| ≤ bound (t − s) + 2 resolution   for all points s < t
+        |q(t) − q(s)| ≤ bound (t − s) + 2 resolution   for the times s < t of all pairs of points
 
-    (McShane's extension). The result belongs to the window that exceeds this inequality by most, so
-    the speed exceeds the bound if and only if such a motion does not exist. This window ends where
-    q(t) − bound t is farthest above its lowest earlier value.
+    (McShane's extension). The worst window is the one that violates this inequality by most. Its
+    mean speed, reduced by the effect of rounding, exceeds the bound if and only if no such motion
+    exists. The window ends where q(t) − bound t is farthest above its lowest earlier value.
 
     Parameters
     ----------
@@ -336,17 +337,19 @@ def _tool_speed_without_rounding(
     mechanism = Mechanism.from_robot(robot)
 
     def tool_speeds(q: Array, qd: Array) -> Array:
-        """Compute the tool speeds (n,) for joint positions and velocities (n, 4)."""
+        """Compute the limited speeds (n,) of the tool for joint positions and velocities (n, 4)."""
         if isinstance(quantity.limit, SpeedLimit):
             return tool_speed(type(quantity.limit), mechanism, q, qd)
         return np.abs(task_rates(mechanism, q, qd)[:, quantity.index])
 
     def unexplained(q: Array, speeds: Array, index: Indices) -> Array:
-        """Reduce the tool speeds (n,) by the largest effect of rounding.
+        """Compute tool speeds (n,), reduced by the part that rounding of the points can explain.
 
-        The joint positions q and speeds have the shape (n, 4). `index` (n,) contains the pieces.
+        `q` and `speeds` (n, 4) are the joint positions and velocities. `index` (n,) contains the
+        indices of their pieces.
         """
         length = trajectory.breaks[index + 1] - trajectory.breaks[index]
+        # Each end of a piece may be wrong by the resolution.
         speed_error = 2 * resolution / length[:, None]
         rounding = sum(tool_speeds(q, np.eye(4)[i] * speed_error) for i in range(4))
         return np.maximum(tool_speeds(q, speeds) - rounding, 0.0)

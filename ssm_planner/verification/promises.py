@@ -1,12 +1,12 @@
 """Check requirements on the path of the tip: lines, corners, speed and distance from the retina.
 
 A problem prescribes the path of the tip for some motions. These requirements are called promises,
-because the planner promises to satisfy them. A path consists of lines, that is, of straight lines
-and arcs between corners. The lines follow from the problem and from the position of the tip at the
-start of the phase, by kinematics alone.
+because the planner promises to satisfy them. A path consists of lines, which are straight lines and
+arcs, with corners between them. The lines follow from the problem and from the position of the tip
+at the start of the phase (the part of the trajectory for one motion of the problem).
 
-`check` calls `check_path_promises` for a planned motion, whose phases are known.
-The module `visits` calls `check_table_lines` for a table of points, which has no phases.
+`check` calls `check_path_promises` for a planned motion, whose phases are known. The module
+`visits` calls `check_table_lines` for a table of points, which has no phases.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -166,7 +166,7 @@ def check_table_lines(
     span: Span,
     allowed: float,
 ) -> tuple[list[LimitCheck], list[Unjudged]]:
-    """Check that a table of points follows the lines of one chain of motions.
+    """Check that a table of points follows the lines that consecutive motions prescribe.
 
     Motions form a chain if rounded corners join them, so that the robot does not stop between them.
 
@@ -214,10 +214,10 @@ def check_table_lines(
 
 
 def unchecked_lines_remark(limits: TaskLimits) -> str:
-    """Return the remark that the check did not examine the prescribed lines.
+    """Return the remark for a certificate that the path of the tip was not checked.
 
-    The certificate of a table contains this remark, because a table does not state the times of
-    phases.
+    The certificate of a table of points contains this remark, because a table does not state the
+    times of phases, and the lines belong to phases.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def unchecked_lines_remark(limits: TaskLimits) -> str:
 
 
 def _prescribes_lines(entry: Motion) -> bool:
-    """Return whether a motion of a problem prescribes the lines that the tip follows.
+    """Return True if a motion of a problem prescribes lines that the tip must follow.
 
     Parameters
     ----------
@@ -255,12 +255,12 @@ def _prescribes_lines(entry: Motion) -> bool:
 def _path_promises(
     motion: Trajectory, mechanism: Mechanism, limits: TaskLimits
 ) -> Iterator[PathPromise]:
-    """Yield the requirements on the path for each phase with prescribed lines.
+    """Assign the motions of a problem to phases, and yield the requirements on their paths.
 
-    The function assigns the motions of the problem to the phases of the trajectory. Both have the
-    same names and the same order. A scan and a curve through samples consist of an unknown number
-    of phases. After such a motion, the function searches the phase of the next motion by its name.
-    A motion without a phase gets an empty phase, which fails the check.
+    Motions and phases have the same names and the same order. A scan and a curve through samples
+    consist of an unknown number of phases. After such a motion, the function searches the phase of
+    the next motion by its name. A motion without a phase gets an empty phase, which fails the
+    check. Motions without prescribed lines are skipped.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ def _path_promises(
 
 
 def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
-    """Yield the motions of a problem in chains.
+    """Divide the motions of a problem into chains, between which the robot stops.
 
     Consecutive motions that are joined by rounded corners form one chain, and one phase of the
     trajectory. Every other motion is a chain by itself.
@@ -384,7 +384,7 @@ def _initial_task(
 ) -> tuple[Array, int]:
     """Return the task coordinates and the branch of the inverse kinematics at the start of a phase.
 
-    The roll angle is unique only up to whole turns. If the motions of the chain state a roll, the
+    The roll angle is unique only up to whole turns. If the motions of the phase state a roll, the
     function adds whole turns to the initial roll, so that the phase ends near the last stated roll.
 
     Parameters
@@ -403,7 +403,8 @@ def _initial_task(
     task : (4,) array
         Roll, tilt and spin in rad, and depth in m.
     branch : int
-        Solution of the inverse kinematics at this instant: positive for the first of both.
+        Which of the two solutions of the inverse kinematics the joints have: positive for the first
+        one.
     """
     final_roll = None
     for entry in chain:
@@ -421,7 +422,7 @@ def _initial_task(
 
 
 def task_coordinates_of(mechanism: Mechanism, point: Point, default: Array, branch: int) -> Array:
-    """Return the task coordinates of a point.
+    """Convert a point of a problem to task coordinates.
 
     Parameters
     ----------
@@ -432,7 +433,8 @@ def task_coordinates_of(mechanism: Mechanism, point: Point, default: Array, bran
     default : (4,) array
         Values of the coordinates that the point does not state. Angles are chosen near them.
     branch : int
-        Solution of the inverse kinematics for a tip position: positive for the first one.
+        Which of the two solutions of the inverse kinematics a tip position has: positive for the
+        first one.
 
     Returns
     -------
@@ -453,9 +455,9 @@ def task_coordinates_of(mechanism: Mechanism, point: Point, default: Array, bran
 
 
 def _depth_on_sphere(mechanism: Mechanism, task: Array, centre: Array, radius: float) -> float:
-    """Compute the depth in m at which the tip lies on a sphere around a given centre.
+    """Compute the depth of the tool at which its tip lies on a sphere.
 
-    The result is the depth of the farther one of both intersections of the tool's axis.
+    The axis of the tool intersects the sphere at two depths, of which the larger one is returned.
 
     Parameters
     ----------
@@ -636,7 +638,7 @@ def _check_promise(motion: Trajectory, mechanism: Mechanism, promise: PathPromis
         tips[block] = tip_position(mechanism, motion.positions(t[block]))
         line_distances = [_distances_from_line(line, tips[block]) for line in promise.lines]
         distances[block] = np.min(line_distances, axis=0)
-    # The tip must also reach the end of the last line.
+    # The tip must also reach the end of the last line, so the error there counts as a distance.
     end_error = np.linalg.norm(tips[-1] - promise.lines[-1](np.ones(1))[0])
     with_end = np.append(distances[:-1], max(distances[-1], end_error))
     checks = _check_departure(promise, t, tips, with_end)
@@ -720,7 +722,7 @@ def _check_departure(
         corners, the list also contains the largest distance from a corner at which the tip has
         left the lines.
     """
-    # Distances from the corners as multiples of the radius of their zones, (n, corners).
+    # Distances from the corners as multiples of the radii of their zones, (n, corners).
     shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / np.array(
         promise.corner_distances
     )
@@ -769,7 +771,7 @@ def _phase_result(
 def _check_required_value(
     limit: PathRequirement, tolerance: float, promise: PathPromise, t: Array, values: Array
 ) -> LimitCheck:
-    """Check that values equal the required value of a limit up to a tolerance.
+    """Check that a quantity has a required value, up to a tolerance.
 
     Parameters
     ----------
@@ -778,9 +780,9 @@ def _check_required_value(
     tolerance : float
         Largest deviation from this value, in its unit.
     promise : PathPromise
-        The phase.
+        The requirements on the phase, whose name becomes the case of the result.
     t, values : (n,) arrays
-        Instants in s, and the values at these instants.
+        Instants in s, and the values of the quantity at these instants.
 
     Returns
     -------
@@ -810,8 +812,8 @@ def _check_constant_speed(
     """Check the tip speed in a phase that requires a constant speed.
 
     The tip must have the required speed from the first to the last instant at which it reaches
-    this speed. Before and after this span, the tip accelerates and brakes. It must not exceed the
-    required speed there.
+    this speed. Before and after this span, the tip accelerates and brakes, so it may be slower
+    there but not faster.
 
     Parameters
     ----------
@@ -830,6 +832,8 @@ def _check_constant_speed(
         Start and end of the constant speed in s from the start of the phase, and the largest
         relative error.
     """
+    # A few instants at the speed may be a coincidence. All instants count then, and the check fails
+    # because the tip is slower at the ends.
     at_speed = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT_SPEED_TOLERANCE)
     start_time = 0.0
     end_time = 0.0
