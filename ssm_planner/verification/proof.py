@@ -1,8 +1,8 @@
-"""Run the program prove.py, which bounds every limit of a plan over continuous time.
+"""Run the program prove.py, which bounds every limited quantity of a plan over continuous time.
 
-The program is one file that needs only NumPy and shares no code with this package
-(docs/trust.md). `prove` runs it in a separate process on a plan.json. `prove_motion` runs it in
-this process on a motion that has not been written yet.
+The program is one file that needs only NumPy and shares no code with this package (docs/trust.md).
+`prove` runs it in a separate process on a plan.json. `prove_motion` runs it in this process on a
+motion that has not been written yet.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ PROGRAM_PATHS = (
     PACKAGE_FOLDER / "checker/prove.py",
     PACKAGE_FOLDER.parent / "examples" / "prove.py",
 )
-"""Possible paths of the program: in an installed package, and in the source tree.
+"""Possible paths of the program, in an installed package and in the source tree.
 
-Python searches the folder of a program for modules first, so this folder contains no others.
+When Python runs a program, it searches the folder of the program for modules first. The folder
+`checker` therefore contains no modules.
 """
 
 LimitKey = tuple[str, str | None]
@@ -54,7 +55,7 @@ class Proof:
     joint: str | None
     low: float | None
     high: float | None
-    """Ends of an interval that contains the worst value, in SI units. None if it has no end."""
+    """Ends of an interval that contains the worst value, in SI units. None stands for infinity."""
     limit: float
     time: float
     """Time of the worst value, s."""
@@ -94,7 +95,7 @@ def _proof_from_claim(claim: dict[str, Any]) -> Proof:
 
 
 def _program_path() -> Path:
-    """Return the path of the program prove.py in the installed package or in the source tree."""
+    """Return the first of `PROGRAM_PATHS` at which there is a file."""
     return next(path for path in PROGRAM_PATHS if path.is_file())
 
 
@@ -111,7 +112,7 @@ def prove_motion(trajectory: Trajectory, problem: Problem) -> tuple[Proof, ...]:
     Returns
     -------
     tuple of Proof
-        One value for each limit that the program knows.
+        One proof for each limit that the program knows.
     """
     document = {
         "problem": to_plain(problem),
@@ -178,7 +179,7 @@ def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, .
         source = Path(program)
     command = [sys.executable, str(source), str(file), "--json"]
     outcome = subprocess.run(command, capture_output=True, text=True, encoding="utf-8")
-    # An exception of Python has the status of a refuted limit, but prints no result.
+    # An exception in the program gives the same exit status as a refuted limit, but no output.
     if not outcome.stdout:
         raise TrajectoryError(f"{source}: {outcome.stderr.strip().splitlines()[-1]}")
     return tuple(map(_proof_from_claim, json.loads(outcome.stdout)))

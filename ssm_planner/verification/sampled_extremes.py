@@ -9,18 +9,17 @@ evaluated at four instants of each interval: at its start, at a third, at two th
 The joints keep their directions within an interval, so the friction is smooth there.
 
 Bracketing: A bracket is a lower and an upper bound of a quantity within an interval. The cubic
-through the four values lies between its Bernstein coefficients. The search
-assumes that a quantity overshoots the four values by at most `OVERSHOOT_FACTOR` times as much as
-this cubic. A quantity with kinks (`LimitedQuantity.has_kinks`) may also continue with the slope
-between two of the instants.
+through the four values lies between its Bernstein coefficients. The search assumes that a quantity
+exceeds the four values by at most `OVERSHOOT_FACTOR` times as much as these coefficients do. A
+quantity with kinks (`LimitedQuantity.has_kinks`) may also continue with the slope between two of
+the instants.
 
 Refinement: The intervals of the first pass are `FIRST_PASS_PARTS` times as wide as the rate
 requires. The search cuts three kinds of intervals into `FIRST_PASS_PARTS` parts: those whose
 bracket exceeds the worst value so far, those in which the square of a torque is not close to a
 parabola, and those next to a start, a stop or a reversal, where friction changes quickly. It then
-halves the intervals whose brackets exceed the worst value, until none is left or until the bracket
-is within the fraction `BRACKET_TOLERANCE` of the limit. According to the
-brackets, no other interval contains a worse value.
+halves the intervals whose brackets exceed the worst value by more than `BRACKET_TOLERANCE` times
+the limit, until none is left. According to the brackets, no other interval contains a worse value.
 
 `RmsTorques` integrates the torques at these instants.
 """
@@ -70,7 +69,7 @@ from ssm_planner.verification.limits import JUMP_TOLERANCE, LimitedQuantity, Wor
 from ssm_planner.verification.pieces import JointState, PieceBlock, rest_speeds
 
 BRACKET_TOLERANCE = 1e-8
-"""Excess over the worst value, relative to the limit, below which the search ends."""
+"""Largest possible excess over the worst value, relative to the limit, at the end of the search."""
 OVERSHOOT_FACTOR = 2.0
 """Ratio of the assumed overshoot of a quantity to that of the cubic through its four values.
 
@@ -89,7 +88,10 @@ A slow quintic is as smooth as a fast one, so the cost grows with the number of 
 the duration.
 """
 PIECE_INTERVALS_RANGE = (64, 512)
-"""Smallest and largest value of the bound on the number of intervals of a piece."""
+"""Smallest and largest value that the bound on the number of intervals in a piece can have.
+
+The bound is `MAX_FIRST_PASS_INTERVALS` divided by the number of pieces.
+"""
 MAX_HALVED_INTERVALS = 2048
 """Largest number of intervals that are halved in one pass.
 
@@ -114,8 +116,9 @@ The mean is exact for parabolas.
 class SampledExtremes:
     """Searches the worst values of the sampled quantities of a robot, block by block.
 
-    The first axis of an array counts samples: values (n, k) of k quantities at n instants, or
-    (4, n, k) at the four instants of n intervals.
+    The sampled quantities are those that are not polynomials in time, such as motor torques. An
+    array with the values of k quantities has the shape (n, k) for n instants, or (4, n, k) for the
+    four instants of n intervals.
 
     Attributes
     ----------
@@ -147,7 +150,7 @@ class SampledExtremes:
         extremes : sequence of WorstValue
             Worst values of all quantities. The search updates those that are not polynomials.
         rate : float
-            Sampling rate of the second pass, Hz.
+            Sampling rate of the second pass, Hz. The first pass has a fifth of it.
         eye : Eye or None
             The eye, whose distances are limited.
         """
@@ -159,7 +162,8 @@ class SampledExtremes:
         keys = tuple(
             (type(item.limit), item.limit.name, item.index, item.case) for item in self.quantities
         )
-        # The compiled function depends on these keys but not on the values of the limits.
+        # These keys, the robot and the eye determine the compiled function. The values of the
+        # limits do not matter.
         self._evaluate_quantities = (
             _quantity_function(_without_limits(robot), eye, keys) if keys else None
         )
@@ -232,6 +236,7 @@ class SampledExtremes:
         assert self._evaluate_quantities is not None
         values = self._evaluate_quantities(*state, direction, breakaway)[0]
         for k, quantity in enumerate(self.quantities):
+            # Angles that differ by whole turns are equal. The one within half a turn of 0 counts.
             if isinstance(quantity.limit, TaskRange):
                 values[:, k] = nearest_turn(values[:, k], 0.0)
             elif isinstance(quantity.limit, NutContact):
@@ -243,7 +248,7 @@ class SampledExtremes:
         return values
 
     def _sample(self, pieces: PieceBlock, intervals: "SampledIntervals") -> Array:
-        """Evaluate the quantities at the four instants of n intervals, and store the worst values.
+        """Evaluate the quantities at the four instants of n intervals, and update the worst values.
 
         Parameters
         ----------
@@ -265,7 +270,7 @@ class SampledExtremes:
     def _sample_block(
         self, pieces: PieceBlock, intervals: "SampledIntervals", values: Array
     ) -> None:
-        """Evaluate the quantities in a block of n intervals.
+        """Evaluate the quantities in a block of n intervals, and update the worst values.
 
         An interval whose end is the start of the next one is evaluated at three instants only. Its
         fourth value is the first value of the next interval.
@@ -304,7 +309,7 @@ class SampledExtremes:
         values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
 
     def _gain(self, lowest: Array, highest: Array) -> Array:
-        """Compute the largest increase of the worst values that n intervals may contain.
+        """Compute by how much n intervals may exceed the worst values found so far.
 
         Parameters
         ----------
@@ -330,14 +335,14 @@ class SampledExtremes:
 def bracket_values(values: Array, has_kinks: Mask) -> tuple[Array, Array]:
     """Estimate lower and upper bounds of quantities within intervals.
 
-    The bounds rest on the assumption that the quantities resemble cubics. The cubic through the
-    values v0 … v3 has the inner Bernstein coefficients
+    The estimate assumes that the quantities resemble cubics. The cubic through the values v0 … v3
+    has the inner Bernstein coefficients
 
         (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6   and   (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
 
     The upper bound is the largest value plus `OVERSHOOT_FACTOR` times the amount by which these
-    coefficients exceed it. The lower bound is formed in the same way.
-    For a quantity with kinks, the largest difference of neighbouring values widens both bounds.
+    coefficients exceed it. The lower bound is formed in the same way. For a quantity with kinks,
+    the largest difference of neighbouring values widens both bounds.
 
     Parameters
     ----------
@@ -364,7 +369,10 @@ def bracket_values(values: Array, has_kinks: Mask) -> tuple[Array, Array]:
 
 @record
 class SampledIntervals:
-    """n intervals of pieces. Each joint keeps its direction within an interval."""
+    """n intervals of time, each within one piece of a motion, for which quantities are sampled.
+
+    Each joint keeps its direction within an interval.
+    """
 
     piece: Indices
     """Index of the piece that contains the interval, (n,)."""
@@ -466,8 +474,8 @@ class SampledIntervals:
         Returns
         -------
         SampledIntervals
-            The intervals. The end of the last one counts as not shared, because the interval that
-            starts there is not selected.
+            The intervals. `shares_end` is False for the last one, because the interval that starts
+            at its end is not selected.
         """
         columns = {name: values[selection] for name, values in vars(self).items()}
         columns["shares_end"] = np.append(columns["shares_end"][:-1], False)
@@ -506,10 +514,8 @@ class SampledIntervals:
 class RmsTorques:
     """Integrates the square of every motor torque over a motion.
 
-    The mean square torque determines the heat in the motor.
-
-    A start from rest is an instant without duration. Its static friction counts as a peak torque,
-    but it does not contribute to the heat.
+    The mean of the squared torque determines the heat in the motor. A start from rest takes no
+    time. Its static friction counts as a peak torque, but it does not contribute to the heat.
 
     Attributes
     ----------
@@ -642,6 +648,8 @@ def _quantity_function(
     robot: Robot, eye: Eye | None, keys: tuple[tuple[type[Limit], str, int, WorstCase | None], ...]
 ) -> VectorisedFunction:
     """Build the compiled function that evaluates all sampled quantities.
+
+    The functions for the last eight arguments are cached, because compiling takes long.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
 """A second opinion on durations: the package toppra computes the fastest timing of a path.
 
 The path of a planned motion is kept, and only its timing is computed again. If toppra finds a much
-shorter duration, the planner missed it. The planner and this module share only the adapter to
-toppra. `second_opinions` is the main entry.
+shorter duration, the planner missed it. The planner and this module share only the module that
+calls toppra. The main function is `second_opinions`.
 
 The path parameter s is the time of the motion. With u = s̈ and x = ṡ², every limit of `path_rows`
-is a row a u + b x + c ≤ 1. The row holds at both ends of every grid interval, and u is
+is a row a u + b x + c ≤ 1. toppra imposes the row at both ends of every grid interval, and u is
 constant in between. The timings that toppra compares therefore include every motion that keeps its
 limits, up to the error of the grid.
 
@@ -51,8 +51,8 @@ toppra.
 SAVED_TIME_TOLERANCE = 0.01
 """Largest estimate of the error, as a share of the difference between toppra and the motion.
 
-The refinement also ends at this estimate, which is larger for motions that are more than 0.1 %
-slower or faster than toppra's.
+The refinement ends at the larger one of this error and of that by `GRID_TOLERANCE`. This error is
+the larger one if the durations differ by more than 0.1 %.
 """
 LARGEST_BOUND_GAP = 2e-4
 """Largest relative distance of the bound from toppra's duration.
@@ -64,7 +64,7 @@ MAX_PASSES = 12
 PASS_TOLERANCE = 2e-6
 """Relative change of the duration at which the passes have converged."""
 MAX_PATH_SPEED = 10.0
-"""Largest ṡ where no joint moves, because no limit bounds ṡ there."""
+"""Largest ṡ. Where the velocities of all joints are 0 for an instant, no other limit bounds ṡ."""
 MIN_SQUARED_SPEED = 1e-9
 """Smallest ṡ² at which a tangent is taken."""
 
@@ -114,7 +114,9 @@ def second_opinions(
     reason = _unsupported_requirement(problem)
     spans = trajectory.phases
     requests = [reason or _unsupported_request(entry) for entry in problem.motion]
-    if len(requests) != len(spans):  # scans and rounded corners
+    # With scans or rounded corners, the numbers of motions and phases differ. A motion that toppra
+    # cannot judge then excludes all phases.
+    if len(requests) != len(spans):
         requests = [next(filter(None, requests), "")] * len(spans)
     opinions = []
     bounds = lower_bounds or [0.0] * len(spans)
@@ -133,9 +135,9 @@ def second_opinions(
 def second_opinions_and_proofs(
     trajectory: Trajectory, problem: Problem
 ) -> tuple[tuple[Opinion, ...], tuple[Proof, ...]]:
-    """Compute the second opinions and the proofs of a motion.
+    """Compute the second opinions and the proofs of a motion with one call.
 
-    A worker process calls this function to compute both results at once.
+    A separate process calls this function while the main process continues.
 
     Parameters
     ----------
@@ -172,7 +174,7 @@ def shortest_path_duration(
     limits : TaskLimits
         Limits on task rates and on the speed of the tool.
     span : (float, float)
-        Times in s, at breaks of the trajectory.
+        Start and end of the path as times of the trajectory, s. Both are breaks.
     lower_bound : float
         Known lower bound on the duration, s. The grid is refined until toppra's duration is not
         below it. On the finest grid, a duration below it is returned.
@@ -262,9 +264,9 @@ def _unsupported_request(entry: Any) -> str:
 def _fastest_timing(
     path: PathRows, speed_ratio: Array, squares: Array, tolerance: float
 ) -> Array | None:
-    """Compute the fastest timing of a path with toppra.
+    """Compute the fastest timing of a path with toppra, with repeated passes.
 
-    Friction depends on the speed, so several passes are necessary. Each pass takes the friction at
+    Friction depends on the speed, which is the result. Each pass therefore takes the friction at
     the speeds of the previous pass.
 
     Parameters
@@ -284,6 +286,7 @@ def _fastest_timing(
     (n + 1,) array or None
         ṡ² at the grid points. None if toppra finds no timing or the passes do not converge.
     """
+    # In a rest, the timing must keep the duration, so ṡ is at most 1.
     max_speed = np.where(path.moves, MAX_PATH_SPEED, 1.0)
     start_ceiling, end_ceiling = np.split(np.minimum(1 / speed_ratio, max_speed) ** 2, 2)
     ceiling = np.minimum(np.append(start_ceiling, np.inf), np.append(np.inf, end_ceiling))
@@ -332,12 +335,10 @@ def _timing_duration(path: PathRows, squares: Array) -> float:
 
 
 def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
-    """Compute the coefficients of all limits, linearised at given speeds.
+    """Compute the limits on accelerations and torques as rows a s̈ + b ṡ² + c ≤ 1.
 
-    Every limit is a row a s̈ + b ṡ² + c ≤ 1.
-
-    With x = ṡ², the tangent √x ≤ √x₀/2 + x/(2 √x₀) at x₀ replaces √x in the terms of viscous
-    friction.
+    Viscous friction adds a term in ṡ = √x with x = ṡ². It is linearised by the tangent at given
+    values x₀, √x ≤ √x₀/2 + x/(2 √x₀).
 
     Parameters
     ----------
@@ -361,7 +362,8 @@ def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
         )
         row_1, row_2 = path.torque_rows(i, drive, motor, mu)
         a, b, c, k = row_coefficients(row_1 - row_2)
-        # The larger side is the torque, and the torque is at least −1.
+        # The larger row is the torque in the direction of motion, as a share of the limit. It is at
+        # least −1 if the motor can brake.
         torque = np.where(a * u + b * x + c + k * root > 0, row_1, row_2)
         rows += [row_1, row_2, -torque]
     a, b, c, k = row_coefficients(np.stack(rows, axis=2))

@@ -1,9 +1,9 @@
 """Checks of a motion that is played at a fraction of its speed.
 
-At a fraction k of the speed, velocity, acceleration and jerk scale with k, k² and k³, and positions
-do not change. If the motion keeps the limits of these quantities, the slower motion keeps them as
-well. Motor torques do not scale like this. Friction may grow towards low speed (Stribeck effect),
-and the inertia of the arm carries less of the load.
+At a fraction k of the speed, velocity, acceleration and jerk are k, k² and k³ times as large, and
+positions do not change. If the motion keeps the limits of these quantities, the slower motion keeps
+them as well. A motor torque may become larger. Friction may grow towards low speed (Stribeck
+effect), and the inertia of the arm carries less of the load.
 """
 
 from itertools import product
@@ -19,7 +19,7 @@ from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import SAMPLING_RATE, check
 
 DEFAULT_SLOWEST_SPEED = 0.01
-"""Lowest speed that a check of all speeds includes by default."""
+"""Default of the lowest speed in a check of all speeds, as a fraction of full speed."""
 GRID_SPEEDS = 48
 """Number of speeds, in geometric progression, at which the search for the worst speed starts."""
 TORQUE_INSTANTS = 1500
@@ -28,7 +28,10 @@ TORQUE_INSTANTS = 1500
 Both sides of every break are added.
 """
 SPEED_REFINEMENTS = 3
-"""Number of refinements around the worst speed. Each is about ten times finer than the last."""
+"""Number of refinements of the grid of speeds around the worst speed.
+
+Each step of the refined grid is a sixth of a step of the previous one.
+"""
 SPEED_DEPENDENT_LIMITS = (MotorTorque.name, ContinuousTorque.name)
 """Names of the limits that a slower motion may violate although the motion keeps them."""
 
@@ -135,9 +138,10 @@ def check_slower(
 def check_speeds(
     motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: float = DEFAULT_SLOWEST_SPEED
 ) -> SpeedRange:
-    """Check a motion at its worst speeds, from a slowest speed to full speed.
+    """Check a motion at the speeds at which its motors need most torque, up to full speed.
 
-    The worst speed of each motor is the speed with the largest peak or RMS torque.
+    Each motor has two worst speeds, one with the largest peak torque and one with the largest RMS
+    torque. The motion is checked at these speeds, at the slowest speed and at full speed.
 
     Parameters
     ----------
@@ -232,7 +236,7 @@ def _worst_speed(
 def _peak_and_rms_torques(
     motion: Trajectory, robot: Robot, factors: Array, pause: float
 ) -> tuple[Array, Array]:
-    """Compute the peak and the RMS of the motor torques of a slowed motion.
+    """Compute the peak and the RMS of the motor torques if a motion is played more slowly.
 
     Parameters
     ----------
@@ -250,6 +254,8 @@ def _peak_and_rms_torques(
     peak, rms : (m, 4) arrays
         Torques of the four motors at each speed, N·m. They are 0 for a joint without a drive.
     """
+    # The samples on both sides of every break contribute only to the peak. 1 and −1 mean the values
+    # just after and just before an instant.
     evenly_spaced = motion.sample(
         np.linspace(motion.breaks[0], motion.breaks[-1], TORQUE_INSTANTS + 1)
     )

@@ -1,12 +1,13 @@
 """Quickest controlled stops of a motion, along its path unless the jerk is limited.
 
 A controlled stop brings all joints to rest with working motors, for example after a stop command.
-The main entry is `quickest_stops`.
+The main function is `quickest_stops`.
 
-The path is q(s), and its parameter s is the time of the motion, so the motion itself has ṡ = 1. A
-dash denotes the derivative by s. A stop reduces ṡ to 0 on the same path, with q̇ = q' ṡ and
-q̈ = q' s̈ + q'' ṡ². Every limit of an acceleration or a motor torque bounds s̈ from below at
-(s, ṡ). The stop takes the largest of these bounds.
+The path is q(s), and its parameter s is the time of the motion, so the motion itself has ṡ = 1.
+Primes denote derivatives with respect to s. A stop reduces ṡ to 0 on the same path, with
+q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². At given s and ṡ, every limit on an acceleration or a motor
+torque is a lower bound of s̈. The stop uses the largest of these bounds, that is, the hardest
+braking that all limits allow.
 
 This choice is optimal. Standing still and the motion itself keep all limits, and the limits are
 convex in ṡ². Every slower motion between both therefore keeps the limits as well, so the largest
@@ -47,8 +48,8 @@ MAX_STEPS = 8
 LIMIT_REDUCTION = 1e-3
 """Share by which stops stay below the limits.
 
-This reserve covers the jumps of s̈ between intervals and the deviation of the polynomials from the
-exact stop.
+This reserve covers the jumps of s̈ between intervals, and the difference between the polynomials
+and the exact stop.
 """
 MIN_BREAK_DISTANCE = 2e-4
 """Distance from a break of the motion (s) below which an instant is moved to the break.
@@ -74,7 +75,7 @@ class StopMotions:
     duration: Array
     """Duration (n,) of each stop, that is, the time until all joints rest, s."""
     travel: Array
-    """Largest distance (n,) of the tip during the stop from its position at the instant, m."""
+    """Largest distance (n,) of the tip during the stop from its position at the start of it, m."""
     pieces: tuple[Array, Array]
     """Polynomial pieces of all stops, one stop after the other.
 
@@ -82,13 +83,13 @@ class StopMotions:
     coefficients (m, 6, 4) of powers of the time since the start of the piece.
     """
     edges: Indices
-    """Indices (n + 1,) of the first piece of each stop, and the number of pieces."""
+    """Index of the first piece of each stop, followed by the number of all pieces, (n + 1,)."""
     ends_at_rest: bool
     """True if the motion ends at rest. Otherwise, a stop may still move where the path ends."""
 
     @cached_property
     def motions(self) -> tuple[Trajectory | None, ...]:
-        """Stop from each instant as a trajectory, or None if all joints rest at the instant."""
+        """The stop from each instant as a trajectory, or None if all joints rest at the instant."""
         lengths, coefficients = self.pieces
         motions: list[Trajectory | None] = []
         for start, end in pairwise(self.edges.tolist()):
@@ -100,9 +101,9 @@ class StopMotions:
 
     @property
     def joined(self) -> Trajectory | None:
-        """All stops, one after the other, as one trajectory.
+        """All stops as one trajectory, one after the other, with jumps of the position in between.
 
-        The position jumps between two stops. The value is None if all joints rest at every instant.
+        The value is None if all joints rest at every instant.
         """
         return _trajectory_from_pieces(*self.pieces) if len(self.pieces[0]) else None
 
@@ -127,12 +128,12 @@ def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory:
 
 @record
 class _StopPath:
-    """The path of a motion at both ends of its m intervals.
+    """The path of a motion at both ends of m short intervals.
 
-    The arrays q, dq, ddq and those in `effort_terms` have shape (2, m, 4): end of the interval,
-    interval and joint. The first entry is the value just after the start of the interval, and the
-    second is the value just before its end. They differ from those of the adjacent intervals where
-    the motion jumps.
+    The arrays q, dq, ddq and those in `effort_terms` have the shape (2, m, 4). The first axis
+    contains the value just after the start of the interval and the value just before its end. The
+    other axes are the interval and the joint. Neighbouring intervals have different values at their
+    common end where a quantity of the motion jumps.
     """
 
     s: Array
@@ -140,7 +141,7 @@ class _StopPath:
     q: Array
     dq: Array
     ddq: Array
-    """Joint positions q and their derivatives q' and q'' by s."""
+    """Joint positions q and their derivatives q' and q'' with respect to s."""
     effort_terms: tuple[Array, Array, Array]
     """Coefficients a, b and c of the joint efforts a s̈ + b ṡ² + c, in N·m for a joint that turns
     and in N for a joint that slides.
@@ -293,7 +294,8 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
     path = _StopPath.from_motion(motion, robot, times)
     middles = (path.s[1:] + path.s[:-1]) / 2
     start_nodes = np.searchsorted(middles, times)  # the nearest node of each instant
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # if nothing bounds s̈
+    # Where no limit bounds s̈, divisions by 0 give infinite bounds.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         stops = _advance_stops(path, robot, start_nodes)
     return _measure_stops(path.s[start_nodes], stops, robot, ends_at_rest=bool(path.rests[-1]))
 
@@ -348,9 +350,9 @@ def _advance_stops(
 ) -> tuple[Array, Array, Indices]:
     """Advance n stops from their start nodes until they rest.
 
-    All stops advance together, one interval of the path in each step. In an interval, s̈ is
-    constant and has the smallest value that the limits allow. A stop for which the path is too
-    short continues to the end of the path and still moves there.
+    All stops advance together, by one interval of the path in each step. In an interval, s̈ is
+    constant and has the smallest value that the limits allow. If the path is too short for a stop,
+    the robot still moves at the end of this stop.
 
     Parameters
     ----------
@@ -408,9 +410,9 @@ def _advance_stops(
 class _DecelerationBounds:
     """Lower bounds of s̈ on the m intervals of a path.
 
-    Each bound is evaluated at three states (position, x = ṡ²) of an interval: at its start; at its
-    end after x has grown by s̈; and at its end with a given x. Every acceleration and torque is
-    linear in s̈, x and √x there, except for friction that depends on the speed.
+    Let x = ṡ². Each limit is evaluated at three states of an interval. These are its start with a
+    given x, its end with the x that follows from s̈, and its end with a given x. Every acceleration
+    and torque is linear in s̈, x and √x there, except for friction that depends on the speed.
     """
 
     path: _StopPath
@@ -421,7 +423,7 @@ class _DecelerationBounds:
     """Coefficients c₀, c₁ and c₂ of the bounds s̈ ≥ c₀ + c₁ x + c₂ √x, (3, rows, 3 m).
 
     Each row belongs to a limit. The columns contain the first state of all intervals, then the
-    second and the third.
+    second state, and then the third one.
     """
     single_rows: int
     """Number of leading rows that are bounds by themselves.
@@ -507,7 +509,7 @@ class _DecelerationBounds:
         )
 
     def smallest_acceleration(self, k: Indices, x: Array, *, ends: bool) -> Array:
-        """Compute the smallest s̈ that keeps all limits on n intervals.
+        """Compute the smallest s̈ (the hardest braking) that keeps all limits on n intervals.
 
         Parameters
         ----------
@@ -516,8 +518,8 @@ class _DecelerationBounds:
         x : (n,) array
             ṡ² at the starts of these intervals.
         ends : bool
-            True if the stop ends within each interval. Its limits are then checked at the start of
-            the interval and at both of its ends with ṡ = 0.
+            True if the stop ends within each interval. The limits are then checked at the start of
+            the interval with the given ṡ², and at both of its ends with ṡ = 0.
 
         Returns
         -------
@@ -527,6 +529,7 @@ class _DecelerationBounds:
         n = len(k)
         m = len(self.lengths)
         at_rest = np.zeros(n)
+        # A column of `terms` contains the bounds by all limits in one state of one interval.
         # Pairs of a state of the interval (0, 1 or 2, as in `terms`) and the value of ṡ² in it.
         positions = [(0, x), (2, at_rest), (0, at_rest)] if ends else [(0, x), (1, x)]
         square = np.concatenate([speed_squared for _, speed_squared in positions])
@@ -554,10 +557,10 @@ class _DecelerationBounds:
 
 @record
 class _MotorOnPath:
-    """A motor at n positions of a path.
+    """A motor at n positions of a path, with the law of its torque.
 
-    The friction law consists of two linear functions of the joint effort, called rows. The torque
-    in the direction of motion is the larger of both.
+    The law consists of two linear functions of the joint effort, called rows. The torque in the
+    direction of motion is the larger one of both.
 
     Attributes
     ----------
@@ -629,7 +632,7 @@ class _MotorOnPath:
         )
 
     def row_torques(self, u: Array, square: Array, root: Array) -> list[Array]:
-        """Evaluate both rows of the friction law.
+        """Compute the motor torque by both linear functions (rows) of its law.
 
         Parameters
         ----------
@@ -652,14 +655,14 @@ class _MotorOnPath:
         return [self.sigma * self.rows.torque(slope * effort, *motion) for slope in self.rows.slope]
 
     def acceleration_bound(self, slope: Array, offset: Array) -> Array:
-        """Compute the smallest s̈ at which a torque does not exceed its limit.
+        """Compute the smallest s̈ at which a torque slope · s̈ + offset does not exceed its limit.
 
-        The torque is slope · s̈ + offset, where the offset is linear in other variables.
+        The offset is linear in other variables, and so is the result.
 
         Parameters
         ----------
         slope : (n,) array
-            Change of the torque with s̈.
+            Change of the torque with s̈. s̈ is only bounded from below where it is negative.
         offset : (terms, n) array
             Constant part of the offset, and its coefficients of the other variables.
 
@@ -710,7 +713,7 @@ class _MotorOnPath:
 def _pieces_from_steps(
     path: _StopPath, count: int, columns: list[Array]
 ) -> tuple[Array, Array, Indices]:
-    """Build the polynomial pieces of all stops from their steps along the path.
+    """Build the polynomial pieces of all stops from their steps along the path of the motion.
 
     Parameters
     ----------

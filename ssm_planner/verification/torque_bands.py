@@ -2,7 +2,7 @@
 
 A table consists of rows with a time and the joint positions. It states no acceleration, but its
 rows still bound the largest motor torque of every smooth motion through them. The interval between
-the lower and the upper bound is called a band. `check_torque_bands` is the main entry.
+the lower and the upper bound is called a band. The main function is `check_torque_bands`.
 
 Three rows of a table have a second divided difference. For every smooth motion through these rows,
 it is a weighted mean of the acceleration, with the same weights for all joints. While a joint keeps
@@ -38,7 +38,7 @@ from ssm_planner.typing import Array, Mask
 from ssm_planner.verification.certificate import ROUNDING_TOLERANCE, LimitCheck, Unjudged
 
 WINDOW_WIDTHS = (64, 16, 4, 1)
-"""Distances between the three rows of a window, in rows.
+"""Numbers of rows from the first row of a window to its middle one, and from there to its last one.
 
 The torques of narrow windows are computed only if those of the first two widths are not decisive.
 """
@@ -78,8 +78,11 @@ def check_torque_bands(
     """
     t = trajectory.breaks
     q = trajectory.positions(t)
+    # Number of changes of each joint position up to each row. A joint rests between two rows with
+    # the same number.
     moves = np.cumsum(np.diff(q, axis=0, prepend=q[:1]) != 0, axis=0)
-    # Acceleration and torque that occur at least at some instant, torque that no instant exceeds.
+    # Rows: acceleration and torque that occur at least at some instant, and torque that no instant
+    # exceeds. Accelerations within the limit are not of interest.
     extremes = np.array(
         [robot.accelerations * (1 + ROUNDING_TOLERANCE), np.zeros(4), np.full(4, np.inf)]
     )

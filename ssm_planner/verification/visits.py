@@ -1,9 +1,9 @@
 """Check that a motion performs a task: its targets, waypoints, lines, dwells and durations.
 
-`check` only judges the limits. The function `with_task_results` of this module adds whether the
+`check` only judges the limits. The function `with_task_results` of this module judges whether the
 motion visits all points of a problem in their order. It searches the earliest instant at which each
-point is reached after the previous one. It does not need phases, so it can judge any table of
-points.
+point is reached after the previous one. It does not need the times of phases, so it can judge any
+table of points.
 """
 
 from dataclasses import replace
@@ -83,6 +83,7 @@ def with_task_results(
                 _duration_result("dwell", entry.name, min(stay, entry.duration), entry.duration)
             )
         elif isinstance(entry, Scan):
+            # The position at the end of a scan is not known here, so all coordinates are open.
             path.last_task = np.full(4, np.nan)
             scanned = True
         else:
@@ -98,6 +99,7 @@ def with_task_results(
             chain.append(entry)
             if getattr(entry, "blend", None) is not None:
                 continue  # the next motion follows without a stop, so its target counts
+            # The last target must be reached at the end of the motion.
             final = entry is problem.motion[-1]
             index, error = path.first_visit(errors, len(path.t) - 1 if final else index)
             checks.append(_point_result("target", entry.name, error, path.t[index]))
@@ -185,7 +187,8 @@ class _TaskProgress:
     q, tasks : (n, 4) arrays
         Joint positions and task coordinates.
     branch : int
-        Solution of the inverse kinematics at the start: positive for the first one.
+        Which of the two solutions of the inverse kinematics the joints have at the start: positive
+        for the first one.
     """
 
     def __init__(self, motion: Trajectory, mechanism: Mechanism) -> None:
@@ -209,7 +212,7 @@ class _TaskProgress:
         self.last_task = self.tasks[0]
         """Task coordinates of the last point, (4,), rad and m.
 
-        An open coordinate, which the task leaves free, is NaN until the motion reaches the point.
+        A coordinate that the task leaves open is NaN until the motion reaches the point.
         """
 
     def errors(self, point: Point) -> Array:
@@ -231,7 +234,8 @@ class _TaskProgress:
         self.last_task = task_coordinates_of(self.mechanism, point, self.last_task, self.branch)
         if isinstance(point, Joints):
             return (self.q - point.values) / POINT_TOLERANCE
-        # Angles that differ by whole turns are equal. The depth is far below one "turn" of 2π m.
+        # Angles that differ by whole turns are equal. The same formula leaves differences of the
+        # depth unchanged, because they are far below π m.
         return ((self.tasks - self.last_task + np.pi) % (2 * np.pi) - np.pi) / POINT_TOLERANCE
 
     def first_visit(self, errors: Array, first_index: int) -> tuple[int, float]:
@@ -266,6 +270,7 @@ class _TaskProgress:
         distance = np.linalg.norm(error + share[:, None] * step, axis=1)
         near_indices = np.flatnonzero(distance <= 1)
         if len(near_indices):
+            # Only consecutive instants belong to the first visit.
             stay = near_indices[near_indices - near_indices[0] == np.arange(len(near_indices))]
             distance = distance[: stay[-1] + 1]
             distance[: stay[0]] = np.inf
