@@ -564,6 +564,11 @@ class ViewedProblem:
         """
         import yaml
 
+        if request.get("relaxed"):
+            raise ProblemError(
+                "a changed limit cannot be saved; enter it under “Problem as YAML”",
+                key="relaxed",
+            )
         content = self.problem_content(request)
         return {"text": yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}
 

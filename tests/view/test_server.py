@@ -354,6 +354,9 @@ def test_waypoints_and_dwells_are_planned_and_saved(
         "tilt_range": [math.radians(-139), math.radians(-81)],
     }
     path = tmp_path / "saved.yaml"
+    status, text = send(server, "POST", "/yaml", request | {"relaxed": 1})
+    assert status == 400
+    assert "a changed limit cannot be saved" in text
     path.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
     saved, result = load_problem(path), server.jobs.requested_page({}).requested_problem(request)
     assert saved.start == result.start

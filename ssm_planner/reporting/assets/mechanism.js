@@ -8,8 +8,8 @@ SSM.segmentCount = (parts) => (SSM.rendersInSoftware ? Math.ceil(0.55 * parts) :
 
 SSM.vector = (values) => new Vector3(...values);
 
-// Build a robot from a scene of html/scene.py. `base`, the three `turns` and `slide` are nested groups, which move with the joints.
-SSM.mechanismModel = (scene, colours, ghost, labels) => {
+// Build a robot from a scene of html/scene.py. A ghost is a second motion: translucent, and without axes and labels. `base`, the three `turns` and `slide` are nested groups, which move with the joints.
+SSM.mechanismModel = (scene, colours, ghost) => {
   const axes = scene.axes.map(SSM.vector);
   const base = new Group();
   const turns = [0, 1, 2].map(() => new Group());
@@ -56,7 +56,7 @@ SSM.mechanismModel = (scene, colours, ghost, labels) => {
     for (const band of scene.bands) {
       const { lines, end } = SSM.bandLines(band, -scene.insertion_sign, colours[1]);
       put(`${band.name} tilt`, base, ...lines);
-      if (labels && band.name === "allowed") say("allowed tilt", base, end, "allowed tilt", colours[1]);
+      if (band.name === "allowed") say("allowed tilt", base, end, "allowed tilt", colours[1]);
     }
     const degrees = (from, to) => `${fixed((180 / Math.PI) * from.angleTo(to), 1)}°`;
     const arcs = [["α", turns[0], ends[0], axes[1].clone().multiplyScalar(scene.sides[0]), 0.062, colours[0]],
@@ -64,10 +64,8 @@ SSM.mechanismModel = (scene, colours, ghost, labels) => {
     for (const [name, parent, from, to, radius, colour] of arcs) {
       put("α and β", parent, SSM.arc(from, to, radius, 0.0007, new MeshBasicMaterial({ color: colour })));
       const middle = from.clone().add(to).setLength(radius);
-      if (labels) say("α and β", parent, middle, `${name} ${degrees(from, to)}`, colour);
+      say("α and β", parent, middle, `${name} ${degrees(from, to)}`, colour);
     }
-  }
-  if (labels) {
     const words = [`1 ${scene.names[0]}`, `2 ${scene.names[1]}`, `3 ${scene.names[2]}, 4 ${scene.names[3]}`];
     frames.forEach((parent, i) => say("axes", parent, ends[i].clone().multiplyScalar(r + 0.03), words[i], colours[i]));
     say("axes", base, new Vector3(), scene.eye ? "RCM, port" : "RCM", "#000000");

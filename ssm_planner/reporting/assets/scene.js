@@ -3,12 +3,11 @@
 "use strict";
 SSM.Scene = class {
   // `container` is an element. `robots` contains {scene, colours, path} for each robot, see `add`. `path` contains positions of the tip, or is null.
-  constructor(container, robots, { labels = true } = {}) {
+  constructor(container, robots) {
     this.container = container;
     this.robots = [];
     this.waiting = false;
     this.frames = { slow: 0, lowered: false, last: 0 };
-    this.labels = labels;
     this.hidden = new Set(["clearance"]);
     this.texts = [];
     this.size = [1, 1];
@@ -64,7 +63,7 @@ SSM.Scene = class {
   // at which the robot is also drawn faintly.
   add({ scene, colours, path = null, ghost = false, stops = [], begin = null }) {
     if (!this.renderer) return;
-    const robot = SSM.mechanismModel(scene, colours, ghost, this.labels && !ghost);
+    const robot = SSM.mechanismModel(scene, colours, ghost);
     if (path) robot.put("tip trace", robot.base, SSM.line(path, ghost ? colours[1] : "#9a4fc4", ghost * 0.0012));
     if (stops.length) robot.put(stops.some(({ spot }) => spot) ? "spots" : "stops", robot.base, ...SSM.stopMarkers(stops));
     this.world.add(robot.base);
@@ -76,11 +75,11 @@ SSM.Scene = class {
       if (edges.length) robot.parts.clearance = edges;
       // The parts of the eye have labels only if the eye is large on the screen.
       const large = (perMetre) => scene.eye.radius * perMetre > 60;
-      for (const [text, position, colour] of this.labels ? places : []) robot.say("eye", robot.base, position, text, ghost ? colours[1] : colour, large);
-      if (this.labels) robot.say("eye", robot.base, SSM.vector(scene.eye.centre), "eye", "#a8482c", (perMetre) => !large(perMetre));
+      for (const [text, position, colour] of places) robot.say("eye", robot.base, position, text, ghost ? colours[1] : colour, large);
+      robot.say("eye", robot.base, SSM.vector(scene.eye.centre), "eye", "#a8482c", (perMetre) => !large(perMetre));
     }
     if (begin) {
-      const start = SSM.mechanismModel(scene, colours, true, false);
+      const start = SSM.mechanismModel(scene, colours, true);
       start.base.traverse(({ material }) => material?.setValues({ color: "#77828e", transparent: true, opacity: 0.22, depthWrite: false }));
       SSM.setJoints(start, begin);
       robot.put("start", robot.base, start.base);

@@ -71,17 +71,15 @@ const axes = (context, width, height, across, up) => {
   context.restore();
   return [px, py];
 };
-const SHAPES = [
-  (c, x, y, r) => c.arc(x, y, r, 0, 7),
-  (c, x, y, r) => c.rect(x - r, y - r, 2 * r, 2 * r),
-  (c, x, y, r) => { c.moveTo(x, y - r * 1.2); c.lineTo(x + r * 1.1, y + r); c.lineTo(x - r * 1.1, y + r); c.closePath(); },
-  (c, x, y, r) => { c.moveTo(x, y - r * 1.3); c.lineTo(x + r * 1.3, y); c.lineTo(x, y + r * 1.3); c.lineTo(x - r * 1.3, y); c.closePath(); },
-];
+// Circle, square, triangle and diamond as SVG paths with a radius of about 1.
+const SHAPES = ["M-1 0A1 1 0 0 0 1 0A1 1 0 0 0-1 0Z", "M-1-1H1V1H-1Z", "M0-1.2L1.1 1H-1.1Z", "M0-1.3L1.3 0L0 1.3L-1.3 0Z"].map((path) => new Path2D(path));
 const point = (context, shape, x, y, radius, colour) => {
-  context.beginPath();
-  SHAPES[shape % SHAPES.length](context, x, y, radius);
+  context.save();
+  context.translate(x, y);
+  context.scale(radius, radius);
   context.fillStyle = colour;
-  context.fill();
+  context.fill(SHAPES[shape % SHAPES.length]);
+  context.restore();
 };
 const fill = (id, names, chosen, then) => {
   const select = byId(id);

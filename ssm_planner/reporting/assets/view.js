@@ -12,7 +12,7 @@
   const isText = (name) => byId(name).type !== "range";
   const scale = (name) => ({ depth: 1000, payload: 1000 })[name] ?? (isPart(name) ? 1 : degrees);
   const state = { branch: null, from: POSE.map((name) => start.values[name]), steps: [], own: true, relaxed: false, pinned: null,
-    robot: true, job: null, planned: null, solutions: null };
+    robot: true, job: null, planned: null, solutions: null, written: null };
 
   const postRequest = async (path, request) => {
     const answer = await fetch(path, { method: "POST", body: JSON.stringify({ of: location.pathname, ...request }),
@@ -24,13 +24,13 @@
 
   // Exact SI value of each field. The displayed value is rounded.
   const exact = {};
+  const box = (name) => byId(`${name}-number`) ?? byId(name);
+  const exactText = (name) => (isText(name) ? exact[name] : String(Number((exact[name] * scale(name)).toFixed(6))));
   const setField = (name, si) => {
     showFault(name, "");
     exact[name] = si;
-    const shown = isText(name) ? si : si * scale(name);
-    byId(name).value = shown;
-    const typed = byId(`${name}-number`);
-    if (typed) typed.value = Number(shown.toFixed(6));
+    if (!isText(name)) byId(name).value = si * scale(name);
+    box(name).value = exactText(name);
   };
   // Show a message beside the field to which it applies.
   const showFault = (name, text) => {
@@ -86,9 +86,11 @@
   };
 
   // Return a function that runs `run` at most once at a time. Calls during a run cause one more run with the newest values.
-  const runLatest = (run) => {
+  // A call marks `outputs` as outdated, until `run` shows its answer there.
+  const runLatest = (run, ...outputs) => {
     let [running, again] = [false, false];
     const go = async () => {
+      outputs.forEach((name) => byId(name).classList.add("old"));
       if (running) { again = true; return; }
       running = true;
       try {
@@ -103,14 +105,19 @@
   };
   const tiltRange = () => [exact.low, exact.high];
   const angles = () => ({ alpha: exact.alpha, beta: exact.beta });
-  // An answer is ignored if a newer request has been sent.
-  let newest = 0;
+  const shownPose = () => ({ ...angles(), pose: pose() });
+  // An answer is ignored if a newer request has been sent. It is outdated if the settings have changed.
+  let newest;
   const askJoints = async () => {
-    const number = ++newest;
-    const answer = await postRequest("/ik", { ...angles(), pose: pose() });
-    return () => number === newest && showBranches(answer);
+    const asked = newest = shownPose();
+    const answer = await postRequest("/ik", asked);
+    return () => {
+      if (asked !== newest) return;
+      showBranches(answer);
+      byId("reached").classList.toggle("old", JSON.stringify(asked) !== JSON.stringify(shownPose()));
+    };
   };
-  const updatePose = runLatest(async () => (await askJoints())());
+  const updatePose = runLatest(async () => (await askJoints())(), "reached");
   const updateAll = runLatest(async () => {
     const [band, showJoints, begin] = await Promise.all([postRequest("/workspace", { ...angles(), tilt_range: tiltRange() }),
       askJoints(), postRequest("/ik", { ...angles(), pose: state.from })]);
@@ -119,26 +126,34 @@
     showWorkspace(band);
     showJoints();
     SSM.ready ??= performance.now();
-  });
+  }, "reach", "reached");
 
   // A chosen motor or gear determines its figures, so their fields are hidden.
   const isReplaced = (name) => {
     const [, owner] = name.match(/(.*\.)(?:motor|geometry)\./) ?? [];
     return ["motor", "worm", "screw"].some((part) => exact[owner + part]);
   };
+  // True if a field shows a text that was refused or is still typed.
+  const isPending = (name) => !isReplaced(name) && box(name).value !== exactText(name);
   const changes = () => names.filter((name) => isPart(name) && !isReplaced(name) && exact[name] !== start.values[name]).map((name) => [name, exact[name]]);
   // The settings that determine a planning run. A shown result is outdated if they have changed.
   const planSettings = () => ({ of: location.pathname, ...angles(), design: Object.fromEntries(changes()), payload: exact.payload, relaxed: state.relaxed,
     ...(state.own ? { own: true } : { start: state.from, motion: state.steps.length ? state.steps : [{ pose: pose() }], tilt_range: tiltRange() }) });
+  // The text shows the problem without its relaxation.
+  const fileSettings = () => ({ ...planSettings(), relaxed: false });
   const currentRequest = () => JSON.stringify({ ...planSettings(), pinned: state.pinned });
+  const reportIfCurrent = (asked) => (error) => asked === currentRequest() && reportError(error);
   const planningObstacle = () => (!start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
+    : names.some(isPending) ? "A field shows a value that is not used yet. Correct it, or press Enter."
     : state.own || state.steps.length || String(pose()) !== String(state.from) ? ""
       : "The pose is the start of the motion. Move a slider of the pose, or plan the motion of the problem file.");
   const updateControls = () => {
-    const stale = state.planned !== null && state.planned !== currentRequest();
+    const pending = names.some(isPending);
+    const stale = state.planned !== null && (pending || state.planned !== currentRequest());
+    byId("controls").classList.toggle("pending", pending);
+    byId("rewrite").hidden = state.written === null || (!pending && state.written === JSON.stringify(fileSettings()));
     byId("stale").style.visibility = stale ? "visible" : "hidden";
     byId("desk").classList.toggle("old", stale);
-    byId("result").hidden = stale;
     const assumed = [!state.robot && "The links keep their masses and shapes; their frames follow α and β.",
       changes().length && "Drives keep their inertia, and static friction its ratio to μ; a chosen motor brings its own rotor.",
       exact.payload && "The payload is a point mass at the tip."];
@@ -149,9 +164,9 @@
     byId("cancel").disabled = !state.job;
     byId("from").textContent = state.own ? "The motion of the problem file" : `From: ${describePose(state.from)}`;
     byId("to").textContent = `${state.own || state.steps.length ? "Shown, not part of the motion" : "To"}: ${describePose(pose())}`;
-    byId("steps").replaceChildren(...(state.own ? [] : state.steps).map((step, i) => {
+    byId("steps").replaceChildren(...(state.own ? [] : state.steps).map((step) => {
       const text = step.pose ? describePose(step.pose) : `dwell ${short(step.dwell)} s`;
-      const away = element("button", { type: "button", "aria-label": `Remove ${text}`, onclick: () => { state.steps.splice(i, 1); applySettings(); } }, "×");
+      const away = element("button", { type: "button", "aria-label": `Remove ${text}`, onclick: () => applySettings({ steps: state.steps.filter((other) => other !== step) }) }, "×");
       return element("li", {}, text, " ", away);
     }));
   };
@@ -171,10 +186,7 @@
     const si = shown / scale(name);
     const step = 0.1 / degrees;
     const crossed = (name === "low" && si >= exact.high) || (name === "high" && si <= exact.low);
-    if (crossed && (typed || Math.abs(shown) >= 180)) {
-      setField(name, exact[name]);
-      return showFault(name, name === "low" ? "must be below the upper end" : "must be above the lower end");
-    }
+    if (crossed && typed) return showFault(name, name === "low" ? "must be below the upper end" : "must be above the lower end");
     setField(name, si);
     if (crossed) setField(name === "low" ? "high" : "low", name === "low" ? si + step : si - step);
     applySettings(POSE.includes(name) ? { own: false } : {});
@@ -220,15 +232,12 @@
   const show = ({ message, relaxation, changes, desk, plan }) => {
     const job = state.job;
     const link = (kind, text, more) => element("a", { href: `/${kind}/${job}`, ...more }, text);
-    const read = () => byId("result").replaceChildren(element("h2", {}, "Plan"), element("iframe", { src: `/report/${job}`, title: "Report of the plan" }));
     const links = relaxation ? [element("button", { type: "button", id: "relax", onclick: () => applySettings({ relaxed: 1 }) }, `Plan with ${changes.length ? "this change" : relaxation}`)]
-      : plan ? [link("report", "Report in a new tab", { target: "_blank", rel: "noopener" }), link("plan", "plan.json", { download: "plan.json" }),
-        element("button", { type: "button", id: "read", onclick: read }, "Report below")] : [];
+      : plan ? [link("report", "Report in a new tab", { target: "_blank", rel: "noopener" }), link("plan", "plan.json", { download: "plan.json" })] : [];
     const row = (cells) => element("tr", {}, ...cells.map((text, i) => element(i ? "td" : "th", { scope: i ? null : "row" }, text)));
     const head = desk?.names.length > 1 ? [["", ...desk.names]] : [];
     byId("outcome").replaceChildren(element("p", { class: "outcome", role: "status" }, message),
       element("table", {}, ...[...head, ...(desk?.rows ?? [])].map(row)), element("p", { class: "buttons" }, ...(changes?.length ? slider(changes) : []), ...links));
-    byId("result").replaceChildren();
     showCurves(desk);
   };
   // Plan whenever the settings differ from those of the shown result. The address contains the settings, so it can be reloaded and bookmarked.
@@ -239,7 +248,8 @@
     if (planningObstacle() || asked === state.planned) return;
     let answer = {};
     try {
-      ["from", "motion", "dwell"].forEach((name) => showFault(name, ""));
+      [...names, "from", "motion", "dwell"].forEach((name) => showFault(name, ""));
+      byId("verdict").textContent = "";
       state.job = (await postRequest("/plan", JSON.parse(asked))).job;
       while (!answer.done) {
         answer = await postRequest("/progress", { job: state.job });
@@ -247,10 +257,9 @@
         updateControls();
         if (!answer.done) await new Promise((resolve) => setTimeout(resolve, 40));
       }
-      byId("verdict").textContent = "";
     } catch (error) {
       answer = { message: "not planned" };
-      reportError(error);
+      reportIfCurrent(asked)(error);
     }
     if (asked === currentRequest()) {
       show(answer);
@@ -259,16 +268,22 @@
     state.job = null;
     updateControls();
   });
-  for (const kind of ["change", "click"]) document.querySelector("main").addEventListener(kind, planIfChanged);
+  for (const [kind, run] of [["input", updateControls], ["change", planIfChanged], ["click", planIfChanged]]) document.querySelector("main").addEventListener(kind, run);
   byId("branches").addEventListener("change", (event) => { state.branch = Number(event.target.value); draw(); });
   click("plan", () => { state.planned = ""; });
   click("whole", () => applySettings({ own: true }));
   click("pin", () => applySettings({ pinned: state.pinned ? null : planSettings(), relaxed: state.relaxed }));
   click("cancel", () => postRequest("/cancel", { job: state.job }).catch(reportError));
-  // Call a function with the settings as YAML.
-  const asYaml = (use) => postRequest("/yaml", planSettings()).then(({ text }) => use(text)).catch(reportError);
-  click("save", () => asYaml((text) => SSM.download("problem.yaml", text, "application/yaml")));
-  byId("source").addEventListener("toggle", ({ target }) => target.open && asYaml((text) => { byId("text").value = text; }));
+  // Call a function with settings as YAML.
+  const asYaml = (settings, use) => postRequest("/yaml", settings).then(({ text }) => use(text, settings)).catch(reportIfCurrent(currentRequest()));
+  const writeText = () => asYaml(fileSettings(), (text, settings) => {
+    byId("text").value = text;
+    state.written = JSON.stringify(settings);
+    updateControls();
+  });
+  click("save", () => asYaml(planSettings(), (text) => SSM.download("problem.yaml", text, "application/yaml")));
+  byId("source").addEventListener("toggle", ({ target }) => target.open && writeText());
+  click("write", writeText);
   click("apply", () => postRequest("/edit", { text: byId("text").value })
     .then(({ page }) => location.assign(`${page}#${encodeURIComponent(JSON.stringify({ pinned: state.pinned }))}`))
     .catch(({ message }) => showFault("text", message)));
