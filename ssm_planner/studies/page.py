@@ -17,7 +17,12 @@ import numpy as np
 from ssm_planner.atomic import write_text
 from ssm_planner.display import format_number, plain_words
 from ssm_planner.reporting import render_page
-from ssm_planner.studies.store import Candidate, Candidates, dominating_candidates
+from ssm_planner.studies.store import (
+    Candidate,
+    Candidates,
+    dominating_candidates,
+    pareto_front,
+)
 from ssm_planner.studies.study import Study, Varied
 from ssm_planner.typing import Array, Fields, JsonObject
 from ssm_planner.units import display_unit
@@ -36,9 +41,7 @@ MAX_FRONT_ROWS = 50
 """Largest number of rows in the table of the front."""
 
 
-def write_study_page(
-    study: Study, rows: Candidates, front: Candidates, path: Path, finished: bool
-) -> Path:
+def write_study_page(study: Study, rows: Candidates, path: Path, finished: bool) -> Path:
     """Write the page of a study, and return its path.
 
     Parameters
@@ -47,8 +50,6 @@ def write_study_page(
         Study that is shown.
     rows : sequence of Candidate
         Result of the original robot, followed by the results of the candidates.
-    front : sequence of Candidate
-        Results of the candidates on the front.
     path : Path
         File of the page. The page links to the reports of candidates in the same folder.
     finished : bool
@@ -65,6 +66,7 @@ def write_study_page(
         If the file cannot be written.
     """
     original, *candidates = rows
+    front = pareto_front(candidates, study.minimise)
     content = _template_values(study, candidates, front)
     content["own"] = compare_with_original(study, original, front)
     reports = sorted(path.parent.glob("candidate_*/*/report.html"))

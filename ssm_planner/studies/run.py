@@ -193,7 +193,7 @@ def study(
     rows = tuple(all_rows[1:])
     result = StudyResult(definition, rows, folder, finished, original, notes=tuple(runner.notes))
     write_table(rows, folder / TABLE_FILE)
-    write_study_page(definition, all_rows, result.front, folder / PAGE_FILE, finished=True)
+    write_study_page(definition, all_rows, folder / PAGE_FILE, finished=True)
     write_study_figures(definition, original, rows, result.front, folder)
     return result
 
@@ -392,8 +392,7 @@ class StudyRunner:
         """
         rows = self.rows()
         page = self._store.path.with_name(PAGE_FILE)
-        front = pareto_front(rows, self._study.minimise)
-        write_study_page(self._study, rows, front, page, finished=False)
+        write_study_page(self._study, rows, page, finished=False)
         now = time.monotonic()
         self._next_page = now + max(PAGE_INTERVAL, 50 * (now - self._last_write))
 

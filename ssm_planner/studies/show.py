@@ -18,7 +18,7 @@ from ssm_planner.studies.evaluation import plan_candidate
 from ssm_planner.studies.page import write_study_page
 from ssm_planner.studies.provenance import context_hash, describe_differences, describe_study
 from ssm_planner.studies.run import PAGE_FILE, open_existing_store
-from ssm_planner.studies.store import Candidate, check_not_link, pareto_front
+from ssm_planner.studies.store import Candidate, check_not_link
 from ssm_planner.studies.study import Study
 from ssm_planner.typing import Fields, JsonObject
 
@@ -131,9 +131,7 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
             raise ProblemError(f"candidate {number}: the motion {name} cannot be planned: {reason}")
         paths += write_folder(plan, target / name).values()
         paths.append(write_report(plan, target / name / "report.html"))
-    all_rows = list(rows.values())
-    front = pareto_front(all_rows[1:], study.minimise)  # the first row is the study's own robot
-    write_study_page(study, all_rows, front, folder / PAGE_FILE, finished=True)
+    write_study_page(study, tuple(rows.values()), folder / PAGE_FILE, finished=True)
     return paths
 
 

@@ -21,7 +21,7 @@ from ssm_planner.studies import run
 from ssm_planner.studies.evaluation import Evaluation
 from ssm_planner.studies.page import write_study_page
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Candidate, Store, candidate_key, pareto_front
+from ssm_planner.studies.store import Candidate, Store, candidate_key
 from ssm_planner.studies.study import Design, Requirements, Search
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import Workers
@@ -140,9 +140,7 @@ def resuming(folder: Path) -> tuple[float, float, float]:
     resumed = time.process_time() - start
     start = time.process_time()
     page = folder / "page.html"
-    write_study_page(
-        study, (done[0], *done), pareto_front(done, study.minimise), page, finished=True
-    )
+    write_study_page(study, (done[0], *done), page, finished=True)
     return resumed, time.process_time() - start, page.stat().st_size / 1e6
 
 

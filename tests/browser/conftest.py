@@ -211,7 +211,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     Every fourth candidate is infeasible.
     """
     from ssm_planner.studies.page import write_study_page
-    from ssm_planner.studies.store import Candidate, pareto_front
+    from ssm_planner.studies.store import Candidate
     from ssm_planner.studies.study_file import load_study
 
     of, draw = load_study(ROOT / "problems/studies/vitreoretinal.yaml"), random.Random(1)
@@ -228,5 +228,5 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
         rows.append(Candidate(number, "done", design, figures=figures) if number % 4 else fallen)
     out = tmp_path_factory.mktemp("study") / "study.html"
-    write_study_page(of, (rows[1], *rows), pareto_front(rows, of.minimise), out, finished=True)
+    write_study_page(of, (rows[1], *rows), out, finished=True)
     return out
