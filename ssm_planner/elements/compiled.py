@@ -214,13 +214,14 @@ class NativeElements:
         library : ctypes.CDLL
             The compiled part of the package.
         element : ElementModel
-            Model of one element of the mesh.
+            Model of one element, that is, of one interval of time of the mesh.
         parameters : sequence of (size,) or (count, size) arrays
             Parameter vectors of the model. Those of the shape (size,) apply to all elements.
         count : int
             Number n of elements.
         location : str
-            Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`.
+            Points at which the rows (path constraints) are evaluated, a key of
+            `POINTS_BY_LOCATION`.
         """
         inputs = _element_inputs(element, location)
         arrays = _parameter_arrays(element, inputs.arrays, parameters, count)
@@ -266,12 +267,13 @@ class NativeElements:
         Parameters
         ----------
         name : str
-            "rows", "jacobian", "hessian", "cost" or "gradient", as in `ElementFunctions`.
+            "rows" (the path constraints), "jacobian", "hessian", "cost" or "gradient", as in
+            `ElementFunctions`.
         z : (n, size) array
             Vectors z of the elements.
         multipliers : (n, rows) array, optional
-            Multipliers λ of the rows at all points, only for the Hessian. If there is a cost, the
-            array has one more column, which contains the multiplier κ of the cost.
+            Lagrange multipliers λ of the rows at all points, only for the Hessian. If there is a
+            cost, the array has one more column, which contains the multiplier κ of the cost.
 
         Returns
         -------
@@ -297,7 +299,7 @@ def _parameter_arrays(
     Parameters
     ----------
     element : ElementModel
-        Model of one element of the mesh.
+        Model of one element, that is, of one interval of time of the mesh.
     constant_arrays : dict of arrays
         Arrays that do not depend on the parameters, see `_ElementInputs`.
     parameters : sequence of arrays
@@ -379,10 +381,10 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
     Parameters
     ----------
     element : ElementModel
-        Model of one element of the mesh.
+        Model of one element, that is, of one interval of time of the mesh.
     location : str
-        Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`. At "breakaway", only
-        torque rows are evaluated. The cost is evaluated only at "collocation".
+        Points at which the rows (path constraints) are evaluated, a key of `POINTS_BY_LOCATION`. At
+        "breakaway", only torque rows are evaluated. The cost is evaluated only at "collocation".
 
     Returns
     -------
@@ -427,7 +429,7 @@ def _free_motion_arrays(element: FreeElement) -> dict[str, Any]:
     Parameters
     ----------
     element : FreeElement
-        Model of one element of the mesh.
+        Model of one element, that is, of one interval of time of the mesh.
 
     Returns
     -------
@@ -451,7 +453,7 @@ def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array,
     Parameters
     ----------
     element : ElementModel
-        Model of one element of the mesh.
+        Model of one element, that is, of one interval of time of the mesh.
     breakaway : bool
         True if joints start to move. Their friction coefficient is then the static one, which does
         not depend on the speed.
@@ -485,7 +487,8 @@ def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
     Parameters
     ----------
     element : ElementModel or None
-        Model of one element of the mesh. With None, there is no cost to evaluate.
+        Model of one element, that is, of one interval of time of the mesh. With None, there is no
+        cost to evaluate.
 
     Returns
     -------
@@ -560,13 +563,13 @@ def native_elements(
     Parameters
     ----------
     element : ElementModel
-        Model of one element of the mesh.
+        Model of one element, that is, of one interval of time of the mesh.
     parameters : sequence of (size,) or (count, size) arrays
         Parameter vectors of the model.
     count : int
         Number n of elements.
     location : str
-        Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`.
+        Points at which the rows (path constraints) are evaluated, a key of `POINTS_BY_LOCATION`.
 
     Returns
     -------
@@ -727,7 +730,7 @@ class MappedElements:
         library : ctypes.CDLL
             The compiled part of the package.
         element : ElementModel
-            Model of one element of the mesh.
+            Model of one element, that is, of one interval of time of the mesh.
         count : int
             Number n of elements.
         """
@@ -769,7 +772,7 @@ def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
     Parameters
     ----------
     element : ElementModel
-        Model of one element of the mesh.
+        Model of one element, that is, of one interval of time of the mesh.
     count : int
         Number of elements.
 
@@ -791,7 +794,7 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
     Parameters
     ----------
     element : ElementModel
-        Model of one element of the mesh.
+        Model of one element, that is, of one interval of time of the mesh.
     z : (n, size) array
         Vectors z of the elements.
     parameters : sequence of (size,) or (n, size) arrays

@@ -122,7 +122,7 @@ class ElementModel(ABC):
         Parameters
         ----------
         z : (4 m + 1,) casadi.SX
-            Vector of the element.
+            Vector that describes the element (an interval of time).
         c : float
             Fraction of the length of the element, from 0 to 1.
 
@@ -178,7 +178,7 @@ class ElementModel(ABC):
     @property
     @abstractmethod
     def first_actuation(self) -> int:
-        """Index of the first torque row in native/elements.c."""
+        """Index of the first row (path constraint) of a torque in native/elements.c."""
 
     def __eq__(self, other: object) -> bool:
         """Return True if both models have the same key, and thus the same Functions."""
@@ -198,7 +198,7 @@ class ElementModel(ABC):
         Parameters
         ----------
         z : (4 m + 1,) casadi.SX
-            Vector of the element.
+            Vector that describes the element (an interval of time).
 
         Returns
         -------
@@ -216,7 +216,7 @@ class ElementModel(ABC):
         Parameters
         ----------
         z : (4 m + 1,) casadi.SX
-            Vector of the element.
+            Vector that describes the element (an interval of time).
 
         Returns
         -------
@@ -227,19 +227,19 @@ class ElementModel(ABC):
 
     @cached_property
     def indexed_rows(self) -> list[IndexedRow]:
-        """Name, joint and index in native/elements.c of each active row, in the order of g."""
+        """Name, joint and index in native/elements.c of each active row (path constraint) of g."""
         return [
             row for row in self.all_indexed_rows if self.active is None or row[:2] in self.active
         ]
 
     @property
     def row_names(self) -> list[RowName]:
-        """Name and joint of each active row, in the order of g."""
+        """Name and joint of each active row (path constraint), in the order of g."""
         return [(name, joint) for name, joint, _ in self.indexed_rows]
 
     @cached_property
     def point(self) -> ca.Function:
-        """Function (x, *p) → g (rows,), the values of the active rows in one state."""
+        """Function (x, *p) → g (rows,), the values of the active path constraints in one state."""
         inputs = self._symbols(self.state_size)
         return ca.Function("point", inputs, [_row_values(self._active_rows(*inputs))])
 
@@ -441,7 +441,8 @@ def element_functions(element: ElementModel) -> ElementFunctions:
 
     Notes
     -----
-    With the multipliers λ_c (r,) of the point c, and Simpson's weights w_c, the Functions compute
+    With the Lagrange multipliers λ_c (r,) of the point c, and Simpson's weights w_c, the Functions
+    compute
         G(z) = [g(x_c)]_c,   L(z) = h Σ_c w_c ℓ(x_c),   ∇²(Σ_c λ_cᵀ g(x_c) + κ L).
     """
     z = ca.SX.sym("z", element.size)

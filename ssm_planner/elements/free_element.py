@@ -126,7 +126,7 @@ class FreeElement(ElementModel):
         Parameters
         ----------
         z : (4 m + 1,) casadi.SX
-            Vector of the element with m moving joints.
+            Vector that describes the element (an interval of time) with m moving joints.
         c : float
             Fraction of the length of the element, from 0 to 1.
 
@@ -207,7 +207,7 @@ class FreeElement(ElementModel):
 
     @property
     def first_actuation(self) -> int:
-        """Index of the first torque row in native/elements.c.
+        """Index of the first row (path constraint) of a torque in native/elements.c.
 
         The rows before it are those of the tool speeds, two for each range and rate of task
         coordinates, and two of the eye (retina and lens).
@@ -220,7 +220,7 @@ class FreeElement(ElementModel):
 
     @cached_property
     def all_indexed_rows(self) -> list[IndexedRow]:
-        """Name, joint and index in native/elements.c of each row, in the order of `rows`."""
+        """Name, joint and index in native/elements.c of each of `rows` (path constraints)."""
         rows: list[IndexedRow] = [
             (speed_class.name, None, k) for k, speed_class in enumerate(SPEED_JACOBIANS)
         ]

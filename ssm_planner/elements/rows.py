@@ -604,7 +604,7 @@ def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
 
 
 def torque_row_names(robot: Robot, i: int) -> set[RowName]:
-    """Return the names of the torque rows of a joint, one for each entry of `Robot.actuations`.
+    """Return the names of the torque rows of a joint, one for each drive and payload.
 
     Parameters
     ----------
@@ -616,7 +616,7 @@ def torque_row_names(robot: Robot, i: int) -> set[RowName]:
     Returns
     -------
     set of (str, int)
-        Name of the torque limit, and joint + 4 k for the entry k (see `RowName`).
+        Name of the torque limit, and joint + 4 k for entry k of `Robot.actuations` (see `RowName`).
     """
     return {(MotorTorque.name, i + 4 * k) for k in range(len(robot.actuations(i)))}
 

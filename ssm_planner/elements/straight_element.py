@@ -83,7 +83,8 @@ class StraightElement(ElementModel):
         Parameters
         ----------
         z : (5,) casadi.SX
-            Vector of the element with one coordinate, the path parameter s.
+            Vector that describes the element (an interval of time) with one coordinate, the path
+            parameter s.
         c : float
             Fraction of the length of the element, from 0 to 1.
 
@@ -106,7 +107,7 @@ class StraightElement(ElementModel):
         Parameters
         ----------
         z : (5,) casadi.SX
-            Vector of the element.
+            Vector that describes the element (an interval of time).
 
         Returns
         -------
@@ -140,7 +141,7 @@ class StraightElement(ElementModel):
 
     @property
     def first_actuation(self) -> int:
-        """Index of the first torque row in native/elements.c.
+        """Index of the first row (path constraint) of a torque in native/elements.c.
 
         The rows before it are those of the tool speeds and the kinematic rows of four joints.
         """
@@ -148,7 +149,7 @@ class StraightElement(ElementModel):
 
     @cached_property
     def all_indexed_rows(self) -> list[IndexedRow]:
-        """Name, joint and index in native/elements.c of each row, in the order of `rows`."""
+        """Name, joint and index in native/elements.c of each of `rows` (path constraints)."""
         torques = indexed_torque_rows(self.robot, self.first_actuation)
         return indexed_kinematic_rows(self.robot, self.jerk) + torques
 

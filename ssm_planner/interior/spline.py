@@ -60,7 +60,7 @@ class Spline:
 
     @property
     def elements(self) -> int:
-        """Number n of elements."""
+        """Number n of elements (intervals of time)."""
         return len(self.fractions)
 
     @property
@@ -80,11 +80,11 @@ class Spline:
 
     @property
     def rows_of_elements(self) -> Indices:
-        """Indices of the four rows of unknowns on which every element depends, (n, 4)."""
+        """Indices of the four rows of unknowns on which each element (interval) depends, (n, 4)."""
         return np.arange(self.elements)[:, None] * self.stride + np.arange(ROWS_PER_ELEMENT)
 
     def unknowns(self, u: Array, v: Array, acceleration: Array, h: Array) -> Array:
-        """Compute the unknowns of the spline from a motion at the ends of the elements.
+        """Compute the unknowns of the spline from a motion at the ends of its elements (intervals).
 
         Parameters
         ----------

@@ -165,8 +165,8 @@ class _Search:
     def _search(self, target: tuple[int, int], limit: float) -> None:
         """Search over the joint positions at one target.
 
-        The method changes `best` and `best_problem` if it finds a faster certified motion, and adds
-        the joint positions that were tried to `entries`.
+        The method changes `best` and `best_problem` if it finds a faster motion that passes the
+        check, and adds the joint positions that were tried to `entries`.
 
         Parameters
         ----------

@@ -619,7 +619,7 @@ def _duration_or_reason(
 
 
 def _find_any_motion(problem: Problem, work: Work, *, any_suffices: bool) -> float | Reason:
-    """Find any motion of a problem, and return its duration or the reason of the failure.
+    """Find any motion of a problem that passes the check, and return its duration or a reason.
 
     The search for a change of a limit uses it, because it is faster than a complete plan.
 

@@ -90,9 +90,9 @@ class ThermalSearch:
         """Search the fastest motion in which no motor gets too hot.
 
         Three families of motions are tried in turn. The first one gives heat a weight, the second
-        one makes the rests of the hot motors longer, and the third one makes all phases slower. The
-        fast planner is used until a motion is found. Ipopt then confirms that motion, if the
-        problem asks for it.
+        one makes the rests of the hot motors longer, and the third one makes all phases (entries of
+        the motion list) slower. The fast planner is used until a motion is found. Ipopt then
+        confirms that motion, if the problem asks for it.
 
         Returns
         -------
@@ -145,9 +145,10 @@ class ThermalSearch:
         return outcome
 
     def _extend_rests(self, problem: Problem, share: float) -> Outcome:
-        """Make the phases of the best motion longer in which all hot motors rest.
+        """Make those phases of the best motion longer in which all hot motors rest.
 
-        If there are no such phases, the motion is returned unchanged.
+        A phase is an entry of the motion list. If there is no such phase, the motion is returned
+        unchanged.
 
         Parameters
         ----------
@@ -179,7 +180,7 @@ class ThermalSearch:
         return self._check_slower_phases(base, resting, 1 + share * rest / duration)
 
     def _plan_for_least_heat(self, problem: Problem, share: float) -> Outcome:
-        """Plan for the least heat in phases that take longer than those of the best motion.
+        """Plan for the least heat in phases that take longer than those of the best motion so far.
 
         Some motions cannot be planned for a given duration, for example those along tables of
         points or with rounded corners. The best motion is slowed down along its path instead then.
@@ -213,7 +214,7 @@ class ThermalSearch:
         return replace(outcome, planned=replace(outcome.planned, phases=slower))
 
     def _check_slower_phases(self, base: Outcome, longer: list[bool], factor: float) -> Outcome:
-        """Slow some phases of a motion down along their paths, and check the result.
+        """Slow some phases (entries of the motion list) of a motion down, and check the result.
 
         Parameters
         ----------

@@ -61,7 +61,7 @@ class Candidate(ABC, Generic[P, R]):
     def suggested(
         cls, planner: P, latest: "Evaluation[P, R] | None"
     ) -> "Iterator[Candidate[P, R]]":
-        """Yield the candidates of this kind that are worth trying after the latest result.
+        """Yield the candidates (ways to move) of this kind that are worth trying next.
 
         The search calls this method once at the beginning, and again whenever it has estimated or
         solved a candidate of any kind. The method must yield each candidate only once.
@@ -71,8 +71,8 @@ class Candidate(ABC, Generic[P, R]):
         planner : P
             The phase or problem to be planned, with its solvers.
         latest : Evaluation or None
-            The candidate that the search has just estimated or solved, with its result. None at the
-            beginning.
+            The candidate (way to move) that the search has just estimated or solved, with its
+            result. None at the beginning.
 
         Yields
         ------
@@ -83,10 +83,10 @@ class Candidate(ABC, Generic[P, R]):
     @property
     @abstractmethod
     def bound(self) -> float:
-        """Duration that no motion of this candidate can beat, s."""
+        """Duration that no motion of this candidate (way to move) can beat, s."""
 
     def estimate(self, cutoff: float) -> R | Reason | None:
-        """Return an approximate motion, or None if this kind of candidate has no estimate.
+        """Return an approximate motion of this candidate (way to move), or None for no estimate.
 
         A kind needs no estimate if computing the solution at once takes no more work.
 
@@ -107,7 +107,7 @@ class Candidate(ABC, Generic[P, R]):
 
     @abstractmethod
     def solution(self, cutoff: float, estimate: R | None) -> R | Reason:
-        """Return the motion of this candidate, or the reason why none was found.
+        """Return the motion of this candidate (way to move), or the reason why none was found.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class Evaluation(Generic[P, R]):
 
     @property
     def known_duration(self) -> float:
-        """Duration by which the search orders candidates, s.
+        """Duration by which the search orders candidates (ways to move), s.
 
         It is the duration of the estimate, or the lower bound if that is larger or if there is no
         estimate yet.
@@ -157,17 +157,18 @@ class Evaluation(Generic[P, R]):
 
     @property
     def failed(self) -> Reason | None:
-        """Reason why the candidate gives no motion.
+        """Reason why the candidate (way to move) gives no motion.
 
         None if the candidate gives a motion, or if it was not solved.
         """
         return self.result if isinstance(self.result, Reason) else None
 
     def advance(self, cutoff: float) -> None:
-        """Compute the next step of the candidate, and store it in `estimate` or `result`.
+        """Compute the next step of the candidate (way to move), an estimate or the solution.
 
-        The first call computes the estimate, and the second one the solution. If this kind of
-        candidate has no estimate, the first call computes the solution.
+        The first call computes the estimate and stores it in `estimate`. The second call computes
+        the solution and stores it in `result`. If this kind of candidate has no estimate, the first
+        call computes the solution.
 
         Parameters
         ----------
@@ -183,7 +184,7 @@ class Evaluation(Generic[P, R]):
             self.estimate = estimate
 
     def to_dict(self, solution: R | Reason) -> CandidateEntry:
-        """Return the entry of the candidate in plan.json, which states why it was taken or not.
+        """Return the entry of the candidate (way to move) in plan.json, with its outcome.
 
         Parameters
         ----------
@@ -225,7 +226,7 @@ class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
 
     @property
     def bound(self) -> float:
-        """Duration that no motion between the ends of the phase can beat, s."""
+        """Duration that no motion of the phase (entry of the motion list) can beat, s."""
         return self.planner.phase.lower_bound
 
 
@@ -252,8 +253,8 @@ class FallbackCandidate(PhaseCandidate):
         planner : PhasePlanner
             The phase (an entry of the motion list with its joint positions) and its solvers.
         latest : Evaluation or None
-            The candidate that the search has just estimated or solved, with its result. None at the
-            beginning.
+            The candidate (way to move) that the search has just estimated or solved, with its
+            result. None at the beginning.
 
         Yields
         ------

@@ -51,7 +51,7 @@ class Detour(FallbackCandidate):
         Yields
         ------
         PhaseCandidate
-            At most one candidate.
+            At most one candidate, that is, one way to move the phase.
         """
         phase = planner.phase
         between_two_points = phase.path is None and len(phase.points) == 2
@@ -72,13 +72,13 @@ class Detour(FallbackCandidate):
             Duration in s. A motion that takes at least as long is of no use. It is not used,
             because the direct motion, the only faster one, has already failed.
         estimate : PlannedPhase or None
-            None, because this kind of candidate has no estimate.
+            None, because this kind of candidate (way to move) has no estimate.
 
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason of the last attempt if no depth in
-            `RETRACTION_SHARES` gives one.
+            The phase (entry of the motion list) with its motion, or the reason of the last attempt
+            if no depth in `RETRACTION_SHARES` gives one.
         """
         start, end = self.planner.phase.points
         nearest = joints_nearest_to_eye(self.planner.phase)

@@ -68,7 +68,7 @@ class Direct(PhaseCandidate):
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why there is none.
         """
         planner = self.planner
         if planner.phase.path is not None:

@@ -53,7 +53,8 @@ class InParts(FallbackCandidate):
         Parameters
         ----------
         phase : Phase
-            The part. Its requested duration is ignored, because it is that of both parts.
+            The part, as a phase (entry of the motion list) of its own. Its requested duration is
+            ignored, because it is that of both parts.
         *others : types of PhaseCandidate
             Further kinds of candidates, that is, ways to move the part.
 
@@ -85,8 +86,9 @@ class InParts(FallbackCandidate):
         Returns
         -------
         PlannedPhase or Reason
-            The phase with both parts as one motion. A reason states why there is no second part, or
-            that the parts cannot be made to take the requested duration.
+            The phase (entry of the motion list) with both parts as one motion. A reason states why
+            there is no second part, or that the parts cannot be made to take the requested
+            duration.
         """
         phase = self.planner.phase
         result = planned_rest(onward) if onward.is_at_rest else self._plan_part(onward, *others)
@@ -155,7 +157,8 @@ class InTurn(InParts):
         Yields
         ------
         InTurn
-            At most `MAX_ORDERS` candidates, those with the smallest lower bounds first.
+            At most `MAX_ORDERS` candidates (ways to move), those with the smallest lower bounds
+            first.
         """
         phase = planner.phase
         is_too_weak = isinstance(reason.limit, MotorTorque)
@@ -187,12 +190,12 @@ class InTurn(InParts):
         cutoff : float
             Duration in s. It is not used, because both parts are always planned completely.
         estimate : PlannedPhase or None
-            None, because this kind of candidate has no estimate.
+            None, because this kind of candidate (way to move) has no estimate.
 
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why a part has none.
+            The phase (entry of the motion list) with its motion, or the reason why a part has none.
         """
         first, last = _split_phase(self.planner.phase, self.between)
         result = self._plan_part(first)
@@ -207,7 +210,8 @@ def _split_phase(phase: Phase, between: Array) -> tuple[Phase, Phase]:
     Parameters
     ----------
     phase : Phase
-        A phase whose motion is free, so that its path may pass any position.
+        An entry of the motion list whose path the planner chooses, so that it may pass any
+        position.
     between : (4,) array
         Joint positions at the rest between the parts, rad and m.
 

@@ -87,7 +87,7 @@ class JointsPlanner:
 
     @cached_property
     def phase(self) -> Phase:
-        """The phase of the free motion to the target."""
+        """The phase (entry of the motion list) that leads to the target."""
         return next(phase for phase in self.phases if phase.motion is self.motion)
 
     @property
@@ -97,9 +97,10 @@ class JointsPlanner:
 
     @property
     def spin_free(self) -> bool:
-        """True if the problem leaves the spin of the target to the planner (`spin: free`).
+        """True if the planner may choose the spin (rotation about the tool axis) at the target.
 
-        Only the end of a motion can have a free spin, not its via points.
+        The problem file states it by `spin: free`. Only the end of a motion can have a free spin,
+        not its via points.
         """
         return self.motion.spin_free and self.target[1] == len(self.motion.through)
 
@@ -107,8 +108,8 @@ class JointsPlanner:
         """Return all joint positions that reach the target, except those that the phase has.
 
         They differ in the branch of the inverse kinematics (+1 or −1) and in whole turns of the
-        revolute joints. If the spin is free, each of them has the spin for which the lower bound of
-        the duration is smallest.
+        revolute joints. If the spin (rotation of the tool about its own axis) is free, each of them
+        has the spin for which the lower bound of the duration is smallest.
 
         Returns
         -------
@@ -168,7 +169,8 @@ class JointsPlanner:
     def _with_best_spin(self, q: Array) -> Array:
         """Return the joint positions with the spin that has the smallest lower bound of duration.
 
-        Of several spins with the same bound, the one nearest to that of `q` is taken.
+        The spin is the rotation of the tool about its own axis. Of several spins with the same
+        bound, the one nearest to that of `q` is taken.
 
         Parameters
         ----------
@@ -224,7 +226,8 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         Yields
         ------
         OtherJoints
-            Candidates. At the beginning, those with the smallest lower bounds come first.
+            Candidates (ways to move). At the beginning, those with the smallest lower bounds come
+            first.
         """
         if latest is not None:
             # Spins are not varied again around a candidate that is itself such a variation.
@@ -250,7 +253,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
 
     @classmethod
     def _rescues(cls, planner: JointsPlanner, options: "list[OtherJoints]") -> "list[OtherJoints]":
-        """Select a few candidates that may succeed where the nearest joint positions have failed.
+        """Select a few candidates (ways to move) for a problem whose nearest joints have failed.
 
         Of candidates with the same positions of joints 1 and 2 (the same posture), only the one
         with the smallest lower bound is kept. The others differ in whole turns of joint 3, which do
@@ -283,9 +286,10 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     ) -> "Iterator[OtherJoints]":
         """Yield the candidate with given joint positions if it may give a shorter motion.
 
-        Its lower bound is the sum of the least durations of all phases, or the requested duration
-        if that is longer. No candidate is yielded if simple checks exclude a motion, if the bound
-        exceeds the requested duration, or if it is not below the duration of the best motion.
+        A candidate is one way to move the problem. Its lower bound is the sum of the least
+        durations of all phases (entries of the motion list), or the requested duration if that is
+        longer. No candidate is yielded if simple checks exclude a motion, if the bound exceeds the
+        requested duration, or if it is not below the duration of the best motion.
 
         Parameters
         ----------
@@ -320,11 +324,12 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     def _candidates_with_other_spins(
         cls, planner: JointsPlanner, q: Array, motion: MissionMotion
     ) -> "Iterator[OtherJoints]":
-        """Yield candidates with other spins at which the motion to given joints may be faster.
+        """Yield candidates (ways to move) with other spins than given joint positions.
 
-        A spin may be faster if its lower bound is below the known duration. Three spins, evenly
-        spaced between the outermost of these, are tried. Such a coarse search suffices, because the
-        other joints depend on joint 3 only through their load.
+        The spin is the rotation of the tool about its own axis. A spin may be faster if its lower
+        bound is below the known duration. Three spins, evenly spaced between the outermost of
+        these, are tried. Such a coarse search suffices, because the other joints depend on joint 3
+        only through their load.
 
         Parameters
         ----------

@@ -61,7 +61,7 @@ class Reversing(PhaseCandidate):
         Yields
         ------
         PhaseCandidate
-            At most one candidate.
+            At most one candidate, that is, one way to move the phase.
         """
         if latest is None or latest.candidate.kind != "direct" or not _applies(planner):
             return
@@ -84,8 +84,8 @@ class Reversing(PhaseCandidate):
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion. `NO_SAVING` if the motion is not shorter than the direct one
-            by the share `MIN_SAVING` of its duration.
+            The phase (entry of the motion list) with its motion. `NO_SAVING` if the motion is not
+            shorter than the direct one by the share `MIN_SAVING` of its duration.
         """
         borders = suggest_via_velocities(self.planner.phase)
         if borders is None:
@@ -110,8 +110,8 @@ class Reversing(PhaseCandidate):
         Returns
         -------
         PlannedPhase, Reason or None
-            The phase with its estimated motion, or the reason `NO_SAVING`. None for a phase with
-            via points, whose reversals need no estimate.
+            The phase (entry of the motion list) with its estimated motion, or the reason
+            `NO_SAVING`. None for a phase with via points, whose reversals need no estimate.
         """
         planner = self.planner
         if len(planner.phase.points) > 2:
@@ -136,9 +136,9 @@ class Reversing(PhaseCandidate):
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return the motion that is best for the objective, with the reversals of the estimate.
 
-        It is solved on a mesh with twice as many elements as that of the estimate. With the planner
-        `fast` and the objective `time`, the estimate is the solution if the finer mesh gives no
-        motion, or one that is longer than `cutoff`.
+        It is solved with twice as many elements (intervals of time) as the estimate. With the
+        planner `fast` and the objective `time`, the estimate is the solution if the finer mesh
+        gives no motion, or one that is longer than `cutoff`.
 
         Parameters
         ----------
@@ -150,7 +150,8 @@ class Reversing(PhaseCandidate):
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why reversals give none.
+            The phase (entry of the motion list) with its motion, or the reason why reversals give
+            none.
         """
         if estimate is None:
             return self._reverse_beside_points()

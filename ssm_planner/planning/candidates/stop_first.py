@@ -69,7 +69,7 @@ class StopFirst(InParts):
         Yields
         ------
         PhaseCandidate
-            At most one candidate.
+            At most one candidate, that is, one way to move the phase.
         """
         if planner.phase.path is None and planner.phase.qd_start.any():
             yield cls(planner)
@@ -85,12 +85,13 @@ class StopFirst(InParts):
         cutoff : float
             Duration in s. It is not used, because both parts are always planned completely.
         estimate : PlannedPhase or None
-            None, because this kind of candidate has no estimate.
+            None, because this kind of candidate (way to move) has no estimate.
 
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why there is no stop or no motion after it.
+            The phase (entry of the motion list) with its motion, or the reason why there is no stop
+            or no motion after it.
         """
         stop = self._stop()
         if stop is None:

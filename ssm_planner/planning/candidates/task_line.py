@@ -50,7 +50,7 @@ class TaskLine(FallbackCandidate):
         Yields
         ------
         PhaseCandidate
-            At most one candidate.
+            At most one candidate, that is, one way to move the phase.
         """
         phase = planner.phase
         if phase.path is None and not phase.is_at_rest:
@@ -66,12 +66,13 @@ class TaskLine(FallbackCandidate):
         cutoff : float
             Duration in s. It is not used, because the direct motion, the faster one, has failed.
         estimate : PlannedPhase or None
-            None, because this kind of candidate has no estimate.
+            None, because this kind of candidate (way to move) has no estimate.
 
         Returns
         -------
         PlannedPhase or Reason
-            The phase with its motion, or the reason why there is none. The reason names no limit.
+            The phase (entry of the motion list) with its motion, or the reason why there is none.
+            The reason names no limit.
         """
         assert self.line.path is not None
         result = replace(self.planner, phase=self.line).along_path(self.line.path)

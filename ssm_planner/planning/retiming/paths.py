@@ -432,9 +432,9 @@ def _tip_curve_function(mechanism: Mechanism, branch: int) -> ca.Function:
     -------
     ca.Function
         Function of s and of 16 parameters. These are the four vectors of `TipPath.terms`, the angle
-        of the arc, the spins at the start and at the end, and the roll in the middle. It returns
-        the joint positions q except for whole turns, and their derivatives q' and q'' with respect
-        to s.
+        of the arc, the spins (rotations of the tool about its own axis) at the start and at the
+        end, and the roll (rotation about joint 1) in the middle. It returns the joint positions q
+        except for whole turns, and their derivatives q' and q'' with respect to s.
     """
     s, parameters = ca.SX.sym("s"), ca.SX.sym("given", 16)
     terms = ca.reshape(parameters[:12], 3, 4)
