@@ -587,10 +587,11 @@ def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
 
 
 def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
-    """Yield relaxations of all limits of a problem: joints first, then speeds, then the others.
+    """Yield relaxations (changes to looser bounds) of all limits of a problem.
 
-    They serve if the reason of a failure names no limit. Each limit proposes the looser bounds to
-    try (`Limit.trials`).
+    Limits of joints come first, then those of the tool's speeds, then all others. They serve if the
+    reason of a failure names no limit. Each limit proposes the looser bounds to try
+    (`Limit.trials`).
 
     Parameters
     ----------
@@ -634,8 +635,8 @@ def _other_relaxations(
 ) -> Iterator[tuple[Relaxation, Sequence[float]]]:
     """Yield changes of the problem that leave the limits of the robot and the task as they are.
 
-    If a motor gets too hot, these are a pause and a longer duration. If the velocity at an end of
-    the motion exceeds a limit, they are lower rates at that end.
+    If a motor gets too hot, these are a pause and a longer duration. If the failure may be due to
+    the velocity at an end of the motion, they are lower rates at each end that has rates.
 
     Parameters
     ----------

@@ -54,7 +54,8 @@ def worst_case_torques(
     trajectory : Trajectory
         The motion.
     robot : Robot
-        The nominal robot. Its drives state the uncertainty of their friction.
+        The nominal robot. Its drives must state the uncertainty of their friction if a range of it
+        is required.
     limits : TaskLimits
         The ranges of friction and payload that the motion must be valid for.
 

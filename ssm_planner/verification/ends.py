@@ -64,7 +64,7 @@ class JumpRecorder:
         Parameters
         ----------
         pieces : PieceBlock
-            The pieces that follow those of the previous call.
+            The polynomial pieces that follow those of the previous call.
         """
         starts, ends = pieces.end_states
         # The first piece of the motion has no jump, so it is compared with its own start.

@@ -225,7 +225,7 @@ def _without_rounding(
     quantity : LimitedQuantity
         The limited quantity.
     limit : LimitCheck
-        Result for the linear pieces themselves.
+        Result for the linear pieces without regard to rounding.
     trajectory : Trajectory
         Motion that is checked.
     robot : Robot
@@ -319,7 +319,7 @@ def _tool_speed_without_rounding(
     quantity : LimitedQuantity
         Speed of the tool, or rate of a task coordinate.
     limit : LimitCheck
-        Result for the linear pieces themselves.
+        Result for the linear pieces without regard to rounding.
     trajectory : Trajectory
         Motion that is checked.
     robot : Robot

@@ -81,7 +81,7 @@ class PathPromise:
     Attributes
     ----------
     span : Span
-        Name, start and end of the phase.
+        Name, start and end of the phase (the part of the trajectory for these motions).
     """
 
     span: Span
@@ -143,7 +143,7 @@ def check_path_promises(
     Parameters
     ----------
     motion : Trajectory
-        A trajectory with phases.
+        A trajectory with phases, which are the parts for the motions of the problem.
     mechanism : Mechanism
         The kinematics of the robot.
     limits : TaskLimits
@@ -265,7 +265,7 @@ def _path_promises(
     Parameters
     ----------
     motion : Trajectory
-        A trajectory with phases.
+        A trajectory with phases, which are the parts for the motions of the problem.
     mechanism : Mechanism
         Kinematics of the robot.
     limits : TaskLimits
@@ -343,7 +343,7 @@ def _path_promise(
     chain : list of Motion
         Motions that are joined by rounded corners, or a single motion.
     span : Span
-        Name, start and end of the phase.
+        Name, start and end of the phase (the part of the trajectory for these motions).
 
     Returns
     -------
@@ -394,9 +394,9 @@ def _initial_task(
     mechanism : Mechanism
         Kinematics of the robot.
     chain : list of Motion
-        Motions of the phase.
+        Motions of the problem that belong to the phase.
     span : Span
-        Name, start and end of the phase.
+        Name, start and end of the phase (the part of the trajectory for these motions).
 
     Returns
     -------

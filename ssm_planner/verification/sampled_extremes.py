@@ -184,7 +184,7 @@ class SampledExtremes:
         Parameters
         ----------
         pieces : PieceBlock
-            The pieces that follow those of the previous call.
+            The polynomial pieces that follow those of the previous call.
         """
         if not self.quantities:
             return
@@ -600,7 +600,8 @@ class RmsTorques:
         Returns
         -------
         list of LimitCheck
-            One result for each motor and case. Its time is the end of the motion.
+            One result for each motor and each case of friction and payload. Its time is the end of
+            the motion.
         """
         checks = []
         for i, case, integral in zip(self.joints, self.cases, self.integrals, strict=True):

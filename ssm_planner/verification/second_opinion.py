@@ -108,8 +108,9 @@ def second_opinions(
     Returns
     -------
     tuple of Opinion
-        One for each phase. The duration of an empty phase is 0. The duration is None if toppra
-        ignores a requirement on the phase, such as a limit on the jerk.
+        One for each phase (the part of the trajectory for one motion). The duration of an empty
+        phase is 0. The duration is None if toppra ignores a requirement on the phase, such as a
+        limit on the jerk.
     """
     reason = _unsupported_requirement(problem)
     spans = trajectory.phases
@@ -149,9 +150,9 @@ def second_opinions_and_proofs(
     Returns
     -------
     opinions : tuple of Opinion
-        One second opinion for each phase.
+        One second opinion (durations by toppra) for each phase of the trajectory.
     proofs : tuple of Proof
-        One proof for each limit.
+        One proof (bounds over continuous time by prove.py) for each limit.
     """
     return second_opinions(trajectory, problem), prove_motion(trajectory, problem)
 

@@ -607,6 +607,7 @@ def joint_starts(
     starts = np.zeros((len(samples.s), 4), dtype=bool)
     previous = np.zeros(4)
     for knot, signs in zip(knots[:-1], directions, strict=True):
+        # Index of the first sample at or behind the knot.
         k = min(int(np.searchsorted(samples.s, knot)), len(samples.s) - 1)
         begins = (signs != 0.0) & (signs != previous)
         starts[k] = begins & (not moving or knot > 0 or samples.dq[k] == 0.0)
