@@ -102,7 +102,7 @@ def plan_and_check(
     problem : Problem
         The problem.
     work : Work
-        Counter of the work of all solvers, to which this function adds.
+        Counter of the computational work of all solvers, to which this function adds.
     progress : callable
         Called with a message for each step.
     on_motion : callable
@@ -168,7 +168,7 @@ def check_result(problem: Problem, result: PlannerResult) -> Outcome:
 
 
 def tighten_limits(problem: Problem, certificate: Certificate) -> Problem | None:
-    """Make the limits stricter that a planned motion exceeds.
+    """Make those limits of a problem stricter that a planned motion exceeds.
 
     The planner evaluates most limits at fewer instants than the check, so a motion may exceed a
     limit between these instants. How much stricter a limit becomes depends on the excess

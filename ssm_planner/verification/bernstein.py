@@ -253,7 +253,9 @@ def _count_sign_changes(coefficients: Array) -> Indices:
 
 
 def _find_single_zeros(coefficients: Array) -> Array:
-    """Find the single zero of each polynomial in [0, 1] by bisection.
+    """Find the zero of each polynomial that has exactly one zero in [0, 1], by bisection.
+
+    Few polynomials are evaluated one by one with Python floats, which is faster then.
 
     Parameters
     ----------

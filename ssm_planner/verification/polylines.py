@@ -109,7 +109,7 @@ class _SpeedRecorder:
         resolution : (4,) array
             Largest rounding error of a point, rad or m.
         start : (4,) array
-            Declared velocity at the start of the motion.
+            Declared joint velocities at the start of the motion, rad/s, and m/s for joint 4.
         """
         self.robot = robot
         self.resolution = resolution
@@ -179,12 +179,14 @@ class _SpeedRecorder:
         length_before, length_after : (n,) arrays
             Lengths of the adjacent intervals, s. A length outside the motion is 0.
         jump : (n, 4) array
-            Jumps of the joint velocities.
+            Jumps of the joint velocities, rad/s, and m/s for joint 4.
         """
         # The inverse of a missing interval, which has the length 0, counts as 0.
         inverse = np.zeros(len(time))
         for length in (length_before, length_after):
             inverse += np.divide(1.0, length, out=np.zeros_like(length), where=length > 0)
+        # Rounding of both ends of an interval changes its mean velocity by at most two resolutions
+        # divided by its length.
         jump = np.maximum(np.abs(jump) - 2 * self.resolution * inverse[:, None], 0.0)
         allowed = self.allowed * ((length_before + length_after) / 2)[:, None]
         share = jump / allowed

@@ -529,11 +529,11 @@ class _DecelerationBounds:
         n = len(k)
         m = len(self.lengths)
         at_rest = np.zeros(n)
-        # A column of `terms` contains the bounds by all limits in one state of one interval.
         # Pairs of a state of the interval (0, 1 or 2, as in `terms`) and the value of ṡ² in it.
         positions = [(0, x), (2, at_rest), (0, at_rest)] if ends else [(0, x), (1, x)]
         square = np.concatenate([speed_squared for _, speed_squared in positions])
         columns = np.concatenate([position * m + k for position, _ in positions])
+        # A column of `terms` contains the bounds by all limits in one state of one interval.
         c0, c1, c2 = self.terms[:, :, columns]
         values = c0 + c1 * square + c2 * np.sqrt(square)
         bound = values[: self.single_rows].max(axis=0)

@@ -108,8 +108,8 @@ class InParts(FallbackCandidate):
         trajectory = join_sections(
             [("", motion.breaks, motion.coefficients) for motion in (first, second)]
         )
-        # The rest between the parts is the last border of the first part and the first border of
-        # the second one. Its instant must occur only once.
+        # A border is an instant at which joints may reverse. The rest between the parts is the last
+        # border of the first part and the first border of the second one, but it occurs only once.
         motion = replace(
             second,
             breaks=trajectory.breaks,
@@ -183,7 +183,7 @@ class InTurn(InParts):
         return sum(part.lower_bound for part in _split_phase(self.planner.phase, self.between))
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motions of both parts joined into one.
+        """Plan the motions of both parts, and join them into one.
 
         Parameters
         ----------

@@ -155,6 +155,7 @@ class JointsPlanner:
             high = min(high, q[2] + ends[1] - spin)
         # With the deceleration a, a joint with the velocity v stops after the distance v |v| / 2a.
         stop = start + speed * abs(speed) / (2 * problem.robot.joints[2].acceleration)
+        # Each entry is an angle of joint 3, rad.
         turn = start + np.radians(np.arange(-180, 181, 2))
         values = np.clip([q[2], start, stop, *turn], low, high)
         configurations = np.tile(q, (len(values), 1))

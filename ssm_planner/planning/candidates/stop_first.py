@@ -75,7 +75,7 @@ class StopFirst(InParts):
             yield cls(planner)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the stop and the motion after it, joined into one motion.
+        """Plan the stop and the motion after it, and join them into one motion.
 
         The motion after the stop may be of any kind that can begin at rest, also a line in task
         coordinates, or one in which some joints move before the others.

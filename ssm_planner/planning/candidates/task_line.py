@@ -59,7 +59,7 @@ class TaskLine(FallbackCandidate):
                 yield cls(planner, line)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motion along the line.
+        """Plan the motion along the straight line in task coordinates.
 
         Parameters
         ----------

@@ -124,6 +124,7 @@ class BlendedPath(JointPath):
         """
         # Piece 0 lies between the breaks 0 and 1, the first rounding between 1 and 2, and so on.
         starts, ends = self.breaks[1:-1:2], self.breaks[2:-1:2]
+        # The list index [[k]] keeps an array with one value, which `_on_piece` expects.
         leaving = [self._on_piece(k, starts[[k]]) for k in range(len(starts))]
         joining = [self._on_piece(k + 1, ends[[k]]) for k in range(len(ends))]
         return quintic_coefficients(
