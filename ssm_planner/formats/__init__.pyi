@@ -1,6 +1,10 @@
 """Names of `formats` that other packages use, by the module that defines them."""
 
-from .epos4 import Stream as Stream, csp_streams as csp_streams, setpoint_times as setpoint_times
+from .epos4 import (
+    Stream as Stream,
+    sample_setpoints as sample_setpoints,
+    setpoint_times as setpoint_times,
+)
 from .epos4_setup import (
     Axis as Axis,
     drive_axes as drive_axes,

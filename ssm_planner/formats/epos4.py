@@ -105,18 +105,7 @@ def export_epos4(
         raise ExportError(f"unknown mode {mode!r} (allowed: {', '.join(OPERATION_MODES)})")
     period = period_ms(rate)
     axes = drive_axes(plan.robot, counts_per_turn)
-    t, stretch = setpoint_times(plan, period)
-    motion = _sample_motors(plan, t, stretch)
-    points = Setpoints(
-        robot=plan.robot,
-        axes=axes,
-        mode=mode,
-        period=period,
-        q=motion["q"],
-        streams=_integer_streams(axes, motion, mode),
-        limits=plan.limits.slower(stretch),
-    )
-    del motion  # The check of a long motion needs this memory.
+    points, stretch = sample_setpoints(plan, axes, mode, period)
     if mode == "csp" and certificate.passed:
         _check_acceptance(plan, points)
     entries = points.content(suffix).write(folder)
@@ -124,7 +113,7 @@ def export_epos4(
         **entries,
         "stretch": stretch,
         "not_verified": list(UNTESTED_ASSUMPTIONS),
-        "notes": [*_setpoint_notes(plan, axes, t, entries["axes"]), *_end_velocity_notes(plan)],
+        "notes": list(_setpoint_notes(plan, axes, points.t, entries["axes"])),
     }
 
 
@@ -146,7 +135,7 @@ class Setpoints:
     """Interpolation period, that is, the interval between two instants, ms."""
     q: Array
     """Joint positions before rounding to increments (n, 4), rad and m."""
-    streams: Mapping[str, Stream]
+    streams: dict[str, Stream]
     """Streams of the driven joints, by joint."""
     limits: TaskLimits
     """Limits of the task, with the declared rates of the motion at both ends."""
@@ -191,16 +180,15 @@ class Setpoints:
                     "no drive: the file shows the joint's motion for reference and is not a stream"
                 )
                 continue
-            counts = axis.increments(q)
             files[name] = table_text({TIME_COLUMN: t, **self.streams[joint.name]})
             if self.mode == "csp":
-                columns = {"time": t, "position": counts}
+                columns = {"time": t, "position": self.streams[joint.name][POSITION_COLUMN]}
                 files[f"{joint.name}_time_position{suffix}.csv"] = table_text(columns)
             rows += setup_objects(axis, self.mode, self.period)
             entries[joint.name] |= {
                 **axis.to_dict(),
                 "rounding": rounding_bounds(axis, self.period),
-                "homing": homing_objects(axis, counts[0]),
+                "homing": homing_objects(axis, axis.increments(q[:1])[0]),
             }
         files[f"objects{suffix}.csv"] = setup_objects_csv(rows)
         limits = self.limits
@@ -333,8 +321,10 @@ def _check_acceptance(plan: Plan, points: Setpoints) -> None:
         )
 
 
-def csp_streams(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, Stream]:
-    """Return the setpoints of each driven joint in an export with the mode csp (positions).
+def sample_setpoints(
+    plan: Plan, axes: Mapping[str, Axis], mode: str, period: int
+) -> tuple[Setpoints, float]:
+    """Return the setpoints of a plan, and the factor by which the motion is slowed down.
 
     The simulation of a motor controller sends these setpoints to its model of the drives.
 
@@ -344,16 +334,35 @@ def csp_streams(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, 
         Plan that is exported.
     axes : mapping of str to Axis
         Axes of the driven joints.
+    mode : str
+        Mode: "csp", "csv" or "cst".
     period : int
         Interval between setpoints, ms.
 
     Returns
     -------
-    dict of Stream
-        Columns of setpoints (target position, velocity offset and torque offset) by joint.
+    points : Setpoints
+        Setpoints of all joints.
+    stretch : float
+        Factor on the duration of the plan (`setpoint_times`).
+
+    Raises
+    ------
+    ExportError
+        If a number does not fit its object.
     """
     t, stretch = setpoint_times(plan, period)
-    return _integer_streams(axes, _sample_motors(plan, t, stretch), "csp")
+    motion = _sample_motors(plan, t, stretch)
+    points = Setpoints(
+        plan.robot,
+        axes,
+        mode,
+        period,
+        motion["q"],
+        streams=_integer_streams(axes, motion, mode),
+        limits=plan.limits.slower(stretch),
+    )
+    return points, stretch
 
 
 def period_ms(rate: float) -> int:
@@ -383,34 +392,6 @@ def period_ms(rate: float) -> int:
             "on)"
         )
     return round(period)
-
-
-def _end_velocity_notes(plan: Plan) -> list[str]:
-    """Describe which joints still move at the end of a plan.
-
-    Parameters
-    ----------
-    plan : Plan
-        Plan that is exported.
-
-    Returns
-    -------
-    list of str
-        One note for the manifest that names these joints. The list is empty if the plan ends at
-        rest.
-    """
-    velocities = end_velocities(plan.motion)[1].tolist()
-    speeds = [
-        f"{joint.name} at {velocity:.4g} {joint.unit}/s"
-        for joint, velocity in zip(plan.robot.joints, velocities, strict=True)
-        if abs(velocity) > REST_SPEED
-    ]
-    if not speeds:
-        return []
-    return [
-        f"the motion ends moving ({', '.join(speeds)}): the controller must continue the motion "
-        "after the last setpoint, because no drive can stop at once"
-    ]
 
 
 def _sample_motors(plan: Plan, t: Array, stretch: float) -> Arrays:
@@ -518,7 +499,8 @@ def _setpoint_notes(
     ------
     str
         Number of the setpoints. Then one note per joint: how much rounding changes its motion, or
-        that it moves without a drive. Also notes on placeholder values of motors and encoders.
+        that it moves without a drive. Also notes on placeholder values of motors and encoders, and
+        on joints that still move at the end.
     """
     yield f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"
     travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
@@ -546,6 +528,16 @@ def _setpoint_notes(
             f"by {texts['acceleration']} {unit}/s²; the errors do not accumulate"
         )
     yield from encoder_notes(axes)
+    speeds = [
+        f"{joint.name} at {velocity:.4g} {joint.unit}/s"
+        for joint, velocity in zip(plan.robot.joints, end_velocities(plan.motion)[1], strict=True)
+        if abs(velocity) > REST_SPEED
+    ]
+    if speeds:
+        yield (
+            f"the motion ends moving ({', '.join(speeds)}): the controller must continue the "
+            "motion after the last setpoint, because no drive can stop at once"
+        )
 
 
 TIME_COLUMN = "time_s"

@@ -9,7 +9,6 @@ drive.
 
 from collections.abc import Iterator
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -196,49 +195,42 @@ def _motor_torque_range(
     """
     rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
     standing = np.abs(qd) <= 1e-6 * robot.velocities + rounding
-    lowest, highest = _acceleration_bounds(robot, t, qd, rounding, standing=standing)
+    # The motor torque is monotonic in each acceleration, except where its effort changes sign.
+    own, other = np.array([*product((-1, 1), (-1, 0, 1)), (0, 0)]).T[:, :, None]
     body = RigidBody.from_robot(robot)
     # The values of a joint are adjacent in memory, because drives are evaluated joint by joint.
-    low = np.full((4, len(t)), np.inf)
-    high = np.full((4, len(t)), -np.inf)
-    for block in blocks(len(t), PIECES_PER_BLOCK):
+    low, high = np.full((2, 4, len(t)), np.nan)
+    for block in blocks(len(t), PIECES_PER_BLOCK // 8):
+        # Accelerations near a setpoint also depend on its neighbours.
+        first = max(block.start - NEIGHBOUR_INTERVALS, 0)
+        rows = slice(first, block.stop + NEIGHBOUR_INTERVALS)
+        inner = slice(block.start - first, block.stop - first)
+        bounds = _acceleration_bounds(robot, t[rows], qd[rows], rounding, standing=standing[rows])
+        lowest, highest = (bound[inner].T for bound in bounds)
         mass = body.mass_matrix(q[block]).T
-        speed, at_rest, low_qdd, high_qdd = (
-            np.ascontiguousarray(values[block].T) for values in (qd, standing, lowest, highest)
-        )
-        resting = np.flatnonzero(at_rest.any(axis=0))
-        # Rows of a case, direction of the friction at rest, and breakaway flag.
-        cases: list[tuple[Any, float, bool]] = [(slice(None), 1.0, False)]
-        cases += [(resting, sign, breaking) for sign, breaking in REST_FRICTION_STATES]
-        middle = (low_qdd + high_qdd) / 2
-        half = (high_qdd - low_qdd) / 2
+        middle = (lowest + highest) / 2
+        half = (highest - lowest) / 2
         # The effort is an affine function of the accelerations, with the mass matrix as factor.
         effort = body.inverse_dynamics(q[block], qd[block], middle.T).T
         effects = np.abs(mass) * half
-        own_effect = effects[range(4), range(4)]
-        other_effect = effects.sum(axis=1) - own_effect
-        # The motor torque is monotonic in each acceleration, except where its effort changes sign.
-        for own_sign, other_sign in [*product((-1, 1), (-1, 0, 1)), (0, 0)]:
-            qdd = middle + own_sign * half
-            tau = effort + own_sign * own_effect + other_sign * other_effect
-            for rows, sign, breaking in cases:
-                for i in offsets:
-                    drive = robot.joints[i].drive
-                    assert drive is not None
-                    is_resting = at_rest[i, rows]
-                    velocity = speed[i, rows]
-                    torque, _ = drive_torque(
-                        drive,
-                        tau[i, rows],
-                        velocity,
-                        qdd[i, rows],
-                        np.where(is_resting, sign, np.sign(velocity)),
-                        breakaway=is_resting & breaking,
-                    )
-                    block_low = low[i, block]
-                    block_high = high[i, block]
-                    block_low[rows] = np.fmin(block_low[rows], torque)
-                    block_high[rows] = np.fmax(block_high[rows], torque)
+        for i in offsets:
+            drive = robot.joints[i].drive
+            assert drive is not None
+            own_effect = effects[i, i]
+            other_effect = effects[i].sum(axis=0) - own_effect
+            tau = effort[i] + own * own_effect + other * other_effect
+            at_rest = standing[block, i]
+            velocity, qdd = qd[block, i], middle[i] + own * half[i]
+            direction = np.where(at_rest, 1.0, np.sign(velocity))
+            torque, _ = drive_torque(drive, tau, velocity, qdd, direction, breakaway=False)
+            resting = tau[:, at_rest], velocity[at_rest], qdd[:, at_rest]
+            torques = [
+                drive_torque(drive, *resting, sign, breakaway=breaks_away)[0]
+                for sign, breaks_away in REST_FRICTION_STATES
+            ]
+            for bound, extreme in ((low[i, block], np.min), (high[i, block], np.max)):
+                extreme(torque, axis=0, out=bound)
+                bound[at_rest] = extreme([bound[at_rest], extreme(torques, axis=(0, 1))], axis=0)
     return low.T, high.T
 
 

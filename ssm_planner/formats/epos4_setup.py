@@ -167,8 +167,8 @@ def check_integer_range(
 
     Returns
     -------
-    (n,) array
-        The values without negative zeros.
+    (n,) array of int32
+        The values.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def check_integer_range(
             f"joint {joint}: {quantity_name} of {values[k]:.6g} {unit} does not fit (allowed: "
             f"−{bound} to {bound})"
         )
-    return values + 0.0
+    return values.astype(np.int32)
 
 
 def following_error_window(axis: Axis, period: int) -> int:

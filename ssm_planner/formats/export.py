@@ -100,18 +100,15 @@ def export(
     if to not in FORMATS:
         raise ExportError(f"unknown export format {to!r} (allowed: {', '.join(FORMATS)})")
     form = FORMATS[to]
-    if stops is not None and ("stops" not in form.options or stops < 1):
-        with_stops = [name for name, entry in FORMATS.items() if "stops" in entry.options]
-        raise ExportError(
-            f"stops = {stops!r} is not allowed for {to} (allowed: 1 or more, for "
-            f"{', '.join(with_stops)})"
-        )
-    for name in options:
+    requested = options if stops is None else {**options, "stops": stops}
+    for name in requested:
         if name not in form.options:
             raise ExportError(
                 f"{name} is not an option of the {to} export (allowed: "
                 f"{', '.join(form.options) or 'no options'})"
             )
+    if stops is not None and stops < 1:
+        raise ExportError(f"stops = {stops} is out of range (allowed: 1 or more)")
     source = as_plan(plan, robot)
     certificate, is_verified = recheck_plan(source, force)
     if speed != 1.0:

@@ -18,9 +18,9 @@ from ssm_planner.dynamics import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.formats import (
     Axis,
-    csp_streams,
     drive_axes,
     following_error_window,
+    sample_setpoints,
     sample_slowed_plan,
     setpoint_times,
 )
@@ -814,7 +814,7 @@ class _Simulation:
             Commands in each of the n periods of the position loop.
         """
         scenario = self.scenario
-        streams = csp_streams(self.plan, self.axes, SETPOINT_INTERVAL)
+        streams = sample_setpoints(self.plan, self.axes, "csp", SETPOINT_INTERVAL)[0].streams
         if scenario.dropped is not None:
             for stream in streams.values():
                 for column in stream.values():

@@ -689,11 +689,12 @@ def test_every_column_is_kept_to_the_range_of_its_object(
 
 
 def test_offsets_are_read_in_the_units_in_which_they_are_written(robot: Robot) -> None:
-    joint = dataclasses.replace(robot.joints[1], motor_direction=-1)
+    joint = robot.joints[1]
     assert joint.drive is not None
     assert joint.motor is not None
+    axis = dataclasses.replace(drive_axes(robot, COUNTS)[joint.name], direction=-1)
     offsets = _joint_offsets(
-        joint, np.array([60_000.0]), np.array([1000.0])
+        axis, np.array([60_000.0]), np.array([1000.0])
     )  # 1 turn/s and the rated torque
     assert offsets.velocity == pytest.approx([-2 * np.pi / joint.drive.ratio])
     assert offsets.torque == pytest.approx([-joint.motor.nominal_torque])

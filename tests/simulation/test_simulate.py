@@ -14,7 +14,7 @@ import pytest
 
 from ssm_planner.api import compare
 from ssm_planner.errors import ProblemError
-from ssm_planner.formats.epos4 import csp_streams
+from ssm_planner.formats.epos4 import sample_setpoints
 from ssm_planner.formats.epos4_setup import drive_axes
 from ssm_planner.formats.export import export
 from ssm_planner.pipeline import run as pipeline
@@ -178,7 +178,7 @@ def test_halving_the_step_of_the_cascade_changes_its_torque_little(plan):
 
 def test_the_set_points_are_the_exported_ones(plan, tmp_path):
     files, _ = export(plan, "epos4", tmp_path / "out", counts_per_turn=4096)
-    streams = csp_streams(plan, drive_axes(plan.robot, 4096), 1)
+    streams = sample_setpoints(plan, drive_axes(plan.robot, 4096), "csp", 1)[0].streams
     assert set(streams) == set(DRIVEN)
     for joint, stream in streams.items():
         file = next(
