@@ -8,6 +8,7 @@ that name and format results, such as `axis_title` and `format_result`.
 """
 
 import re
+import shlex
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -71,9 +72,10 @@ def write_study_page(study: Study, rows: Candidates, path: Path, finished: bool)
     content["own"] = compare_with_original(study, original, front)
     reports = sorted(path.parent.glob("candidate_*/*/report.html"))
     content["reports"] = [report.relative_to(path.parent).as_posix() for report in reports]
-    text = render_page(
-        "study.html", _script_data(study, candidates, front), **content, unfinished=not finished
-    )
+    # The arguments of `study show` after the numbers of the candidates.
+    content["file"] = shlex.join([study.file or "FILE", "-o", str(path.parent)])
+    data = _script_data(study, candidates, front) | {"reports": content["reports"]}
+    text = render_page("study.html", data, **content, unfinished=not finished)
     write_text(path, text)
     return path
 
@@ -100,7 +102,6 @@ def _template_values(study: Study, rows: Candidates, front: Candidates) -> JsonO
     objectives = " and ".join(map(plain_words, study.minimise))
     return {
         "title": study.name,
-        "file": study.file or "FILE",
         "headline": f"The front of {objectives} contains {len(front)} of {len(rows)} candidates.",
         "summary": f"{len(rows)} candidates: {counts_text}.",
         "notes": study.notes,

@@ -189,9 +189,10 @@ def study(
             finished = False
         runner.flush()
         all_rows = runner.rows()
-    original = all_rows[0]
-    rows = tuple(all_rows[1:])
-    result = StudyResult(definition, rows, folder, finished, original, notes=tuple(runner.notes))
+    original, *rows = all_rows
+    result = StudyResult(
+        definition, tuple(rows), folder, finished, original, notes=tuple(runner.notes)
+    )
     write_table(rows, folder / TABLE_FILE)
     write_study_page(definition, all_rows, folder / PAGE_FILE, finished=True)
     write_study_figures(definition, original, rows, result.front, folder)

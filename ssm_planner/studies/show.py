@@ -116,7 +116,6 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     rows = load_candidates(study, folder)
     row = find_candidate(rows, number)
     target = folder / f"candidate_{number}"
-    target.mkdir(parents=True, exist_ok=True)
     robot = target / "robot.yaml"
     tree = study.resolved(study.complete_design(row.design, row.figures))
     tree["name"] = f"{tree['name']}, candidate {number}"

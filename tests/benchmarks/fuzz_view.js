@@ -25,7 +25,8 @@
   const jobs = new Map(); // number of the request by the name of the run
   const cancelled = new Set();
   const workspaces = new Map(), poses = new Map(); // answers by request
-  const saved = []; // {text, request} of every saved file
+  const saved = []; // {text, differs} of every saved file
+  const settingsOf = new Map(); // settings that the page showed when it sent a request for a file
   const rest = window.fetch;
   const answerWith = (body, ok = true) => ({ ok, json: async () => body });
   const invented = (number) => {
@@ -38,8 +39,9 @@
   window.fetch = async (path, options) => {
     if (!options?.body) return rest(path, options);
     const body = JSON.parse(options.body);
-    await sleep(random() < 0.2 ? 60 * random() : 3 * random());
     const number = requests.push(body) - 1;
+    if (path === "/yaml") settingsOf.set(number, shown());
+    await sleep(random() < 0.2 ? 60 * random() : 3 * random());
     if (path === "/plan" && !campaign.real) {
       if (random() < 0.1) {
         const key = draw(["alpha", "beta", "payload", "motion[0].straight.to.tilt", "start.depth", "joints.roll.drive.friction.mu", "unknown"]);
@@ -201,7 +203,7 @@
     plan: [3, () => get("plan").click()],
     cancel: [2, () => get("cancel").click()],
     pin: [5, () => { if (!get("pin").disabled) campaign.pinned = shown().isPinned ? null : shown(); get("pin").click(); }],
-    save: [4, () => { campaign.asked = get("save").disabled ? null : shown(); get("save").click(); }],
+    save: [4, () => get("save").click()],
     source: [4, () => { const source = get("source"); source.open = !source.open; if (source.open) campaign.edited = false; }],
     relax: [3, () => { const node = get("change"); if (node && random() < 0.5) { node.value = draw([0, 1]); tell(node, "input"); tell(node, "change"); } else get("relax")?.click(); }],
     branch: [1, () => { const node = get("branches"); node.value = draw([...node.options])?.value; tell(node, "change"); }],
@@ -248,7 +250,7 @@
   document.addEventListener("DOMContentLoaded", () => {
     SSM.download = (name, text) => {
       const number = Number(text.match(/^# request (\d+)/)?.[1]);
-      saved.push({ text, differs: difference(requests[number], campaign.asked) });
+      saved.push({ text, differs: difference(requests[number], settingsOf.get(number)) });
     };
     get("text").addEventListener("input", () => { campaign.edited = true; });
   });

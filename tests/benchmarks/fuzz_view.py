@@ -191,6 +191,8 @@ class Campaign:
         outcome = page.evaluate("document.querySelector('.outcome')?.textContent")
         if not text or outcome == "not planned" or page.evaluate("campaign.errors().length"):
             return
+        if page.is_visible("#rewrite"):  # an answer came late
+            return
         self.tally.counts["edits"] += 1
         invalid = re.sub(r"velocity: (\S+) deg/s", r"velocity: \1 deg", text, count=1)
         if invalid != text:
@@ -250,7 +252,7 @@ class Campaign:
             "async (path) => (await fetch(path)).text()", link.get_attribute("href")
         )
         count = page.evaluate("campaign.saved.length")
-        page.evaluate("campaign.asked = campaign.shown(); document.getElementById('save').click()")
+        page.evaluate("document.getElementById('save').click()")
         for _ in range(100):
             time.sleep(0.05)
             if page.evaluate("campaign.saved.length") > count:

@@ -208,7 +208,7 @@ def simulation(simulated: Any, tmp_path_factory: pytest.TempPathFactory) -> Path
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write the page of the shipped study with random figures and return its path.
 
-    Every fourth candidate is infeasible.
+    Every fourth candidate is infeasible. Candidate 5 has a page of its motion.
     """
     from ssm_planner.studies.page import write_study_page
     from ssm_planner.studies.store import Candidate
@@ -227,6 +227,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
             reason="too weak",
         )
         rows.append(Candidate(number, "done", design, figures=figures) if number % 4 else fallen)
-    out = tmp_path_factory.mktemp("study") / "study.html"
+    out = tmp_path_factory.mktemp("my study") / "study.html"
+    motion = out.parent / "candidate_5" / "tilt_insert" / "report.html"
+    motion.parent.mkdir(parents=True)
+    motion.write_text("<title>the motion of candidate 5</title>", encoding="utf-8")
     write_study_page(of, (rows[1], *rows), out, finished=True)
     return out

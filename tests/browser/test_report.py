@@ -6,6 +6,7 @@ The values that a page shows are compared with those of the plan and of the kine
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -735,14 +736,28 @@ def test_the_landing_page_is_short(browser: Any) -> None:
     page.close()
 
 
-def test_the_study_names_the_candidate_under_the_pointer(visit: Open, study: Path) -> None:
+def test_a_click_on_a_candidate_plays_its_motion(visit: Open, study: Path) -> None:
+    """The pointer describes a candidate, and a click keeps it and opens its motion.
+
+    Without a page of the motion, the study states the command that writes it.
+    """
     opened = visit(study.as_uri(), ready="true")
-    page = opened.page
+    page, canvas = opened.page, opened.page.locator("#front")
     opened.wait("typeof front !== 'undefined' && Boolean(front.places)")
-    number, x, y = page.evaluate("(([i, x, y]) => [data.number[i], x, y])(front.places[3])")
-    page.locator("#front").hover(position={"x": x, "y": y})
+    places = page.evaluate("front.places.map(([i, x, y]) => [data.number[i], { x, y }])")
+    number, place = places[3]
+    canvas.hover(position=place)
     assert page.inner_text("#chosen").startswith(f"Candidate {number}:")
-    assert f"study show {number} " in page.inner_text("header code")
+    words = shlex.split(page.inner_text("#command code"))
+    assert words[:4] == ["ssm-planner", "study", "show", str(number)]
+    assert words[-2:] == ["-o", str(study.parent)]
+    with page.expect_popup() as popup:
+        canvas.click(position=dict(places)[5])
+    assert popup.value.title() == "the motion of candidate 5"
+    canvas.hover(position=place)
+    assert page.inner_text("#chosen").startswith("Candidate 5:"), "a click keeps the candidate"
+    assert page.inner_text("#motions") == "Play tilt_insert"
+    assert page.is_hidden("#command")
     assert opened.said == []
 
 

@@ -20,6 +20,14 @@ SSM.cursor = () => {
   return { node, at: (share) => { node.style.transform = `translateX(${100 * share}%)`; } };
 };
 
+// Create a bar for an interval of time in a track that lasts from `first` to `last`, s.
+SSM.bar = (kind, text, { start, end }, first, last) => {
+  const node = element("span", { class: kind, title: `${text}: ${start.toFixed(3)}–${end.toFixed(3)} s` });
+  node.style.left = `${(100 * (start - first)) / (last - first)}%`;
+  node.style.width = `${(100 * (end - start)) / (last - first)}%`;
+  return node;
+};
+
 // Let the browser save a file with this content.
 SSM.download = (name, content, type) => {
   const href = URL.createObjectURL(new Blob([content], { type }));
@@ -97,12 +105,14 @@ SSM.onRedraw = (redraw) => {
   }
 };
 
-// Return the longest form of a phase's name that fits a width in pixels: whole, without its group, or its number alone.
 SSM.textMeasure = document.createElement("canvas").getContext("2d");
 SSM.textMeasure.font = "11px system-ui, sans-serif";
+// Return the first text that is narrower than a width in pixels.
+SSM.firstFit = (texts, width, context = SSM.textMeasure) => texts.find((text) => context.measureText(text).width + 1 < width) ?? "";
+// Return the longest form of a phase's name that fits: whole, without its group, or its number alone.
 SSM.fitPhaseName = (name, width) => {
   const shortName = name.split(", ").pop();
-  return [name, shortName, shortName.match(/\d+$/)?.[0] ?? ""].find((text) => SSM.textMeasure.measureText(text).width + 1 < width) ?? "";
+  return SSM.firstFit([name, shortName, shortName.match(/\d+$/)?.[0] ?? ""], width);
 };
 
 // Create a short line with a colour and a dash pattern for a legend.

@@ -33,12 +33,9 @@ SSM.showActiveLimits = (container, data, times) => {
 // Draw one row for each limit that becomes active, with a bar for each interval in which it is active.
 SSM.timeline = (container, data, player) => {
   const end = data.duration;
-  const percent = (t) => `${(100 * t) / end}%`;
-  const bar = (text, start, stop, kind, colour) => {
-    const node = element("span", { class: kind, title: `${text}: ${start.toFixed(3)}–${stop.toFixed(3)} s` });
-    node.style.left = percent(start);
-    node.style.width = `max(3px, ${percent(stop - start)})`;
-    node.style.background = SSM.cssColour(colour);
+  const bar = (interval) => {
+    const node = SSM.bar("bar", interval.label, interval, 0, end);
+    node.style.background = SSM.cssColour(data.colours[interval.joint]);
     return node;
   };
   const row = (name, bars, intervalsText) => {
@@ -53,7 +50,7 @@ SSM.timeline = (container, data, player) => {
   for (const interval of data.panels.flatMap((panel) => panel.active)) {
     groups.set(interval.label, [...(groups.get(interval.label) ?? []), interval]);
   }
-  const rows = [...groups].map(([label, list]) => row(label, list.map((s) => bar(label, s.start, s.end, "bar", data.colours[s.joint])),
+  const rows = [...groups].map(([label, list]) => row(label, list.map(bar),
     list.map((s) => `${s.start.toFixed(3)} to ${s.end.toFixed(3)} s`).join(", ")));
   const none = groups.size ? [] : [element("p", {}, "No limit is approached within 0.5 %.")];
   container.replaceChildren(element("h2", {}, "Active limits over time"), element("div", { class: "timeline" }, ...rows), ...none);

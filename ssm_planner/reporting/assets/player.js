@@ -63,14 +63,8 @@ SSM.Player = class {
   // Return a strip below the slider with the phases, each with the longest form of its name that fits.
   // Screen readers skip it, because the slider announces the phase.
   #phaseStrip() {
-    const [first, end] = [this.times[0], this.times.at(-1) - this.times[0]];
     this.cursor = SSM.cursor();
-    const parts = this.phases.map((phase) => {
-      const part = element("span", { class: "phase", title: `${phase.name}: ${phase.start.toFixed(3)}–${phase.end.toFixed(3)} s` });
-      part.style.left = `${(100 * (phase.start - first)) / end}%`;
-      part.style.width = `${(100 * (phase.end - phase.start)) / end}%`;
-      return part;
-    });
+    const parts = this.phases.map((phase) => SSM.bar("phase", phase.name, phase, this.times[0], this.times.at(-1)));
     const strip = element("div", { class: "track strip", "aria-hidden": "true", onpointerdown: (event) => this.point(event) }, ...parts, this.cursor.node);
     new ResizeObserver(() => parts.forEach((part, i) => { part.textContent = SSM.fitPhaseName(this.phases[i].name, part.clientWidth); })).observe(strip);
     return this.phases.length ? [strip] : [];

@@ -45,7 +45,7 @@ const label = (of, value, digits = 5) => (of.labels ? of.labels[value] : rounded
 const shortened = (context, title, width) => {
   const lastWord = title.replace(/^\S*\./, "");
   const cut = Array.from({ length: lastWord.length }, (_, n) => `${lastWord.slice(0, lastWord.length - n)}…`);
-  return [title, lastWord, ...cut].find((text) => context.measureText(text).width <= width) ?? "";
+  return SSM.firstFit([title, lastWord, ...cut], width, context);
 };
 
 // Draw the axes of a plot, and return functions that convert values to pixels.
@@ -90,7 +90,7 @@ const fill = (id, names, chosen, then) => {
 
 const done = data.names.length ? data.state.flatMap((state, i) => (state === "done" ? [i] : [])) : [];
 const onFront = new Set(data.front);
-let nearest = null;
+let nearest = null, isKept = false;
 const numeric = data.names.filter((name) => !column(name).labels);
 const across = fill("across", numeric, data.objectives[0], () => front.paint());
 const up = fill("up", numeric, data.objectives[1] ?? data.choices.find((name) => numeric.includes(name)), () => front.paint());
@@ -109,8 +109,8 @@ const front = makeCanvas("front", (context, width, height) => {
     context.stroke();
   }
 });
-front.canvas.addEventListener("pointermove", (event) => {
-  const [x, y] = [event.offsetX, event.offsetY];
+// Describe the candidate nearest to the pointer, and offer its motions, or the command that writes their pages.
+const choose = ({ offsetX: x, offsetY: y }) => {
   let best = Infinity;
   for (const [i, px, py] of front.places) {
     const distance = (px - x) ** 2 + (py - y) ** 2;
@@ -118,10 +118,21 @@ front.canvas.addEventListener("pointermove", (event) => {
   }
   if (nearest === null) return;
   const parts = data.names.map((name) => [column(name), column(name).at[nearest]]).filter(([, value]) => value !== null);
-  byId("number").textContent = data.number[nearest];
+  const number = data.number[nearest];
+  const links = data.reports.filter((href) => href.startsWith(`candidate_${number}/`))
+    .map((href) => element("a", { href, target: "_blank", rel: "noopener" }, `Play ${href.split("/")[1]}`));
+  byId("motions").replaceChildren(...links);
+  byId("command").hidden = links.length > 0;
+  byId("number").textContent = number;
   byId("chosen").textContent =
-    `Candidate ${data.number[nearest]}: ` + parts.map(([of, value]) => `${of.title} ${label(of, value)}`).join("; ");
+    `Candidate ${number}: ` + parts.map(([of, value]) => `${of.title} ${label(of, value)}`).join("; ");
   front.paint();
+};
+front.canvas.addEventListener("pointermove", (event) => isKept || choose(event));
+front.canvas.addEventListener("click", (event) => {
+  isKept = true;
+  choose(event);
+  byId("motions").firstChild?.click();
 });
 
 const stages = [...new Set(data.stage)].sort((a, b) => (b === "done") - (a === "done"));
@@ -150,7 +161,7 @@ const parallel = makeCanvas("parallel", (context, width, height) => {
   const at = (k) => edge + k * spacing;
   const ranges = lanes.map((name) => paddedRange(done.map((i) => column(name).at[i])));
   const y = (k, value) => height - bottom - ((value - ranges[k][0]) / (ranges[k][1] - ranges[k][0])) * (height - top - bottom);
-  parallel.at = at;
+  parallel.lane = (x) => Math.max(0, Math.min(lanes.length - 1, Math.round((x - edge) / spacing)));
   parallel.value = (k, py) => ranges[k][0] + ((height - bottom - py) / (height - top - bottom)) * (ranges[k][1] - ranges[k][0]);
   const draw = (i, colour) => {
     context.beginPath();
@@ -190,8 +201,7 @@ const parallel = makeCanvas("parallel", (context, width, height) => {
 });
 let drag = null;
 parallel.canvas.addEventListener("pointerdown", (event) => {
-  const k = lanes.reduce((best, _, i) => (Math.abs(parallel.at(i) - event.offsetX) < Math.abs(parallel.at(best) - event.offsetX) ? i : best), 0);
-  drag = { k, start: event.offsetY };
+  drag = { k: parallel.lane(event.offsetX), start: event.offsetY };
   parallel.canvas.setPointerCapture(event.pointerId);
 });
 parallel.canvas.addEventListener("pointermove", (event) => {

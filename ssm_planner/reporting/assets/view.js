@@ -313,7 +313,6 @@
     const fits = (name, si) => (isText(name) ? typeof si === "string" : Number.isFinite(si) && inside(name, si * scale(name)));
     const isPose = (each) => Array.isArray(each) && each.length === 4 && each.every((si, i) => fits(POSE[i], si));
     for (const name of names) if (fits(name, stored[name])) setField(name, stored[name]);
-    if (exact.low >= exact.high) for (const name of ["low", "high"]) setField(name, start.values[name]);
     if (isPose(stored.from)) state.from = stored.from;
     if (Array.isArray(stored.steps)) state.steps = stored.steps.filter((each) => each && (isPose(each.pose) || Number.isFinite(each.dwell)));
     state.own = stored.own !== false;
