@@ -45,8 +45,8 @@ def suggest_via_velocities(phase: Phase) -> Borders | None:
         min_v Σ_k max_j t(d_jk; v_j,k−1, v_jk),
 
     where t is the shortest time of one joint in closed form (`lower_bound.minimum_times`). The
-    minimum is computed twice: with joints that reverse only at the points, and with joints that may
-    reverse anywhere.
+    saving is the time that is lost if the joints that must reverse beside a point rest there
+    instead.
 
     Parameters
     ----------
@@ -67,13 +67,13 @@ def suggest_via_velocities(phase: Phase) -> Borders | None:
     joints = _ViaVelocityProblem(
         displacements, (phase.qd_start, phase.qd_end), velocity, acceleration
     )
-    fixed_speeds = joints.minimise_duration(
-        np.zeros((len(displacements) - 1, 4)), may_reverse=False
-    )
-    free_speeds = joints.minimise_duration(fixed_speeds, may_reverse=True)
-    if joints.duration(free_speeds) > (1 - MIN_SAVING) * joints.duration(fixed_speeds):
+    speeds = joints.minimise_duration()
+    # A joint need not reverse beside a point that it passes in the direction of both displacements.
+    passes = np.minimum(speeds * displacements[:-1], speeds * displacements[1:]) > 0
+    without_reversals = np.where(passes, speeds, 0.0)
+    if joints.duration(speeds) > (1 - MIN_SAVING) * joints.duration(without_reversals):
         return None
-    return Borders(phase.points, via_velocity=joints.without_idle_velocities(free_speeds))
+    return Borders(phase.points, via_velocity=joints.without_idle_velocities(speeds))
 
 
 @record
@@ -125,41 +125,27 @@ class _ViaVelocityProblem:
         """
         return float(self.times(speeds).max(axis=1).sum())
 
-    def minimise_duration(self, speeds: Array, *, may_reverse: bool) -> Array:
+    def minimise_duration(self) -> Array:
         """Find the joint velocities at the via points that minimise the total duration.
 
         The unknowns are the duration T_k of each segment and the velocities. SLSQP, a method of
         sequential quadratic programming, minimises Σ T_k subject to T_k ≥ t_jk, with the time t_jk
-        that joint j needs for segment k.
-
-        Parameters
-        ----------
-        speeds : (n − 1, 4) array
-            Velocities at which the iteration starts, rad/s and m/s. Via points lie between start
-            and end.
-        may_reverse : bool
-            True if joints may reverse anywhere. Otherwise a joint that reverses at a point, or that
-            rests on one side of it, has velocity 0 there.
+        that joint j needs for segment k. It starts with joints that rest at all via points.
 
         Returns
         -------
         (n − 1, 4) array
-            Velocities at the via points, or `speeds` if SLSQP finds nothing faster.
+            Velocities at the via points, rad/s and m/s. All are 0 if SLSQP finds nothing faster.
         """
         from scipy.optimize import fmin_slsqp
 
         segments = len(self.displacements)
-        limits = np.broadcast_to(self.velocity, speeds.shape)
-        signs = np.sign(self.displacements)
-        # A joint that must not reverse may only pass a point in the direction that it has on both
-        # sides. Where its direction changes, both bounds are 0.
-        forwards = may_reverse | (np.minimum(signs[:-1], signs[1:]) > 0)
-        backwards = may_reverse | (np.maximum(signs[:-1], signs[1:]) < 0)
-        low, high = np.where(backwards, -limits, 0.0), np.where(forwards, limits, 0.0)
+        at_rest = np.zeros((segments - 1, 4))
+        limits = self.velocity
         # The unknowns are T_k / unit, then the velocities divided by their limits.
-        unit = self.duration(speeds)
-        start = np.append(self.times(speeds).max(axis=1) / unit, speeds / limits)
-        gradient = np.append(np.ones(segments), np.zeros(speeds.size))
+        unit = self.duration(at_rest)
+        start = np.append(self.times(at_rest).max(axis=1) / unit, at_rest)
+        gradient = np.append(np.ones(segments), at_rest)
 
         def total_gradient(_: Array) -> Array:
             """Return the gradient of the objective Σ T_k, which is constant.
@@ -184,10 +170,7 @@ class _ViaVelocityProblem:
             gradient.dot,
             start,
             fprime=total_gradient,
-            bounds=[
-                *[(0.0, np.inf)] * segments,
-                *zip((low / limits).ravel(), (high / limits).ravel(), strict=True),
-            ],
+            bounds=[*[(0.0, np.inf)] * segments, *[(-1.0, 1.0)] * at_rest.size],
             f_ieqcons=margins,
             fprime_ieqcons=margin_gradients,
             iter=MAX_SLSQP_ITERATIONS,
@@ -195,8 +178,8 @@ class _ViaVelocityProblem:
             iprint=0,
         )
         # SLSQP may return values slightly beyond the bounds.
-        result = np.clip(solution[segments:].reshape(-1, 4) * limits, low, high)
-        return result if self.duration(result) < self.duration(speeds) else speeds
+        result = np.clip(solution[segments:].reshape(-1, 4) * limits, -limits, limits)
+        return result if self.duration(result) < unit else at_rest
 
     def _margin_gradients(self, shares: Array, unit: float) -> Array:
         """Compute the derivatives of the margins (T_k − t_jk) / unit by finite differences.
