@@ -167,16 +167,6 @@ class _FreeProblemBuilder:
         return limits_jerk(self.phase.problem.robot)
 
     @property
-    def least_count(self) -> int:
-        """Smallest number of elements (time intervals) between two switching points.
-
-        A switching point is an instant at which the acceleration of a joint (with a jerk limit: its
-        jerk) jumps in the guess. A motion through more than 16 points has one element there, which
-        keeps its mesh small.
-        """
-        return 2 if len(self.displacements) < 16 else 1
-
-    @property
     def default_count(self) -> int:
         """Default number of mesh elements (time intervals) of the motion.
 
@@ -249,7 +239,7 @@ class _FreeProblemBuilder:
             """
             return bool(retina_constraint(NUMPY, eye, tip_position(mechanism, q[None])[0]) > 0)
 
-        return chain.divided_at_port(eye.port, is_outside, self.least_count)
+        return chain.divided_at_port(eye.port, is_outside)
 
     def _chains(self, per_segment: int) -> list[SegmentChain]:
         """Build the segments and guesses between each pair of neighbouring borders.
@@ -273,7 +263,7 @@ class _FreeProblemBuilder:
         # If an earlier motion has suggested the reversals, the guess is sampled from this motion.
         if borders.guess is not None:
             count = per_segment * len(displacements)
-            return sampled_guesses(borders, count=count, least_count=self.least_count)
+            return sampled_guesses(borders, count=count)
         via_velocity = borders.via_velocity
         if via_velocity is None:
             via_velocity = np.zeros((len(displacements) - 1, 4))
@@ -292,7 +282,6 @@ class _FreeProblemBuilder:
                 kinematic_limits,
                 phase.qdd_start if k == 0 else None,
                 count=per_segment,
-                least_count=self.least_count,
             )
             for k in range(len(displacements))
         ]

@@ -39,7 +39,6 @@ def guess_between(
     initial_acceleration: Array | None = None,
     *,
     count: int,
-    least_count: int,
 ) -> SegmentChain:
     """Build the guess of a motion between two points from motions of the single joints.
 
@@ -64,9 +63,6 @@ def guess_between(
         the jerk is limited.
     count : int
         Approximate number of mesh elements (time intervals) between the points.
-    least_count : int
-        Smallest number of elements between two switching points, that is, instants at which the
-        acceleration (with a jerk limit: the jerk) of the slowest joint jumps.
 
     Returns
     -------
@@ -98,7 +94,6 @@ def guess_between(
                 curves,
                 [*instants, end],
                 density=count / borders[-1],
-                least_count=least_count,
             )
         )
     # Positions at the borders of the segments. At inner borders, only those of joints that rest
@@ -153,7 +148,7 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
     return borders, np.array(directions)
 
 
-def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[SegmentChain]:
+def sampled_guesses(borders: Borders, *, count: int) -> list[SegmentChain]:
     """Sample the guess of a motion with known reversals from the earlier motion in `borders.guess`.
 
     Parameters
@@ -164,8 +159,6 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
         between the borders) must be given.
     count : int
         Approximate number of mesh elements (time intervals) of the whole motion.
-    least_count : int
-        Half the smallest number of elements between two borders.
 
     Returns
     -------
@@ -178,7 +171,7 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
     chains = []
     for k, (start, end) in enumerate(pairwise(instants)):
         signs, points = borders.directions[k], borders.points[k : k + 2]
-        element_count = max(2 * least_count, round(count * (end - start) / motion.duration))
+        element_count = max(4, round(count * (end - start) / motion.duration))
         t = np.linspace(start, end, element_count + 1)
         guess = SegmentGuess.sampled(motion, t, (element_count,))
         # The directions may differ from those of the earlier motion. Velocities against the new

@@ -74,7 +74,7 @@ class SegmentGuess:
         return Trajectory(breaks, np.stack(coefficients, axis=1), ())
 
     def divided_at_position(
-        self, joint: int, position: float, least_count: int
+        self, joint: int, position: float
     ) -> "tuple[SegmentGuess, SegmentGuess]":
         """Divide the guess into two halves, between which one joint passes a given position.
 
@@ -88,9 +88,6 @@ class SegmentGuess:
             Index of the joint.
         position : float
             Position of the joint between both halves, rad or m.
-        least_count : int
-            Smallest number of elements of an arc, that is, between two consecutive switching
-            points.
 
         Returns
         -------
@@ -106,8 +103,8 @@ class SegmentGuess:
         passing_time = float(np.interp(direction * position, direction * positions, motion.breaks))
         middle = duration / 2
         return (
-            self._part_during((0.0, middle), joint, (0.0, passing_time), least_count),
-            self._part_during((middle, duration), joint, (passing_time, duration), least_count),
+            self._part_during((0.0, middle), joint, (0.0, passing_time)),
+            self._part_during((middle, duration), joint, (passing_time, duration)),
         )
 
     def _part_during(
@@ -115,7 +112,6 @@ class SegmentGuess:
         span: tuple[float, float],
         joint: int,
         joint_span: tuple[float, float],
-        least_count: int,
     ) -> "SegmentGuess":
         """Extract a part of the guess, in which one joint moves faster or more slowly than before.
 
@@ -128,9 +124,6 @@ class SegmentGuess:
         joint_span : (float, float)
             Start and end of the interval of the guess from which the motion of this joint is taken,
             s. The motion is stretched or compressed in time to the duration of `span`.
-        least_count : int
-            Smallest number of elements of an arc, that is, between two consecutive switching
-            points.
 
         Returns
         -------
@@ -144,7 +137,7 @@ class SegmentGuess:
         inner_switches = switches[(switches > start + gap) & (switches < end - gap)]
         # The number of elements per second remains about the same.
         density = sum(self.arcs) / motion.duration
-        arcs, t = divide_arcs([start, *inner_switches.tolist(), end], density, least_count)
+        arcs, t = divide_arcs([start, *inner_switches.tolist(), end], density)
         rate = (joint_span[1] - joint_span[0]) / (end - start)
         result = self.sampled(motion, t, arcs)
         stretched = self.sampled(motion, joint_span[0] + rate * (t - start), arcs).elements
@@ -157,7 +150,7 @@ class SegmentGuess:
 
 
 def divide_arcs(
-    switches: Sequence[float], density: float, least_count: int
+    switches: Sequence[float], density: float, least_count: int = 2
 ) -> tuple[tuple[int, ...], Array]:
     """Divide each arc, the time between two switching instants, into elements of equal length.
 
@@ -197,7 +190,7 @@ def sample_curves(
     switches: Sequence[float],
     *,
     density: float,
-    least_count: int,
+    least_count: int = 2,
 ) -> SegmentGuess:
     """Build the guess of a segment from motions of the single joints in closed form.
 
@@ -333,9 +326,7 @@ class SegmentChain:
             coordinates_are_joints=True,
         )
 
-    def divided_at_port(
-        self, port: float, is_outside: Callable[[Array], bool], least_count: int
-    ) -> "SegmentChain":
+    def divided_at_port(self, port: float, is_outside: Callable[[Array], bool]) -> "SegmentChain":
         """Divide every segment in which the tip passes the port of an eye into two segments.
 
         The port is the incision through which the tool enters. The tip passes it at a known depth,
@@ -349,8 +340,6 @@ class SegmentChain:
         is_outside : callable
             Takes joint positions (4,). Returns True if the tip is outside of the eye, or closer to
             the retina than allowed. Only the port permits such a position.
-        least_count : int
-            Smallest number of elements (time intervals) between two switching points of the guess.
 
         Returns
         -------
@@ -369,7 +358,7 @@ class SegmentChain:
                 # The depth is |q4|. At the port, q4 has the same sign as at the deeper end.
                 deepest = self.points[k : k + 2, 3][np.abs(self.points[k : k + 2, 3]).argmax()]
                 depth = float(np.copysign(port, deepest))
-                guesses += guess.divided_at_position(3, depth, least_count)
+                guesses += guess.divided_at_position(3, depth)
                 # The new border is the start of the second half. Given there are the position of
                 # joint 4, and those of joints that rest on one side.
                 border = guesses[-1].elements.u[0].copy()

@@ -31,7 +31,7 @@ def guess_of(way: np.ndarray, jerk: bool, count: int) -> SegmentGuess:
     """Return the guess from rest to rest, with or without jerk limits."""
     limits = LIMITS if jerk else np.vstack([LIMITS[:2], np.full(4, np.inf)])
     speeds = np.zeros((2, 4))
-    return guess_between(START, way, speeds, limits, count=count, least_count=2).guesses[0]
+    return guess_between(START, way, speeds, limits, count=count).guesses[0]
 
 
 @given(ways, st.booleans(), st.integers(8, 60))

@@ -249,7 +249,7 @@ def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) 
     way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4, [np.inf] * 4])
     speeds = np.stack([rng.uniform(-1, 1, 4) * (rng.random(4) < 0.7), np.zeros(4)])
     start = rng.uniform(-1, 1, 4)
-    result = guess_between(start, way, speeds, limits, count=40, least_count=2)
+    result = guess_between(start, way, speeds, limits, count=40)
     assert result.points[0] == pytest.approx(start)
     assert result.points[-1] == pytest.approx(start + way)
     for guess, sign in zip(result.guesses, result.directions, strict=True):
