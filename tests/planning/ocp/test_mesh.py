@@ -62,7 +62,7 @@ def test_its_halves_meet_where_one_joint_passes_a_place(
     way_ = np.array(way) * [1, -1, 1, -0.02]
     whole = guess_of(way_, jerk, count)
     place = START[3] + share * way_[3]
-    first, second = whole.divided_at_position(3, place, 2)
+    first, second = whole.divided_at_position(3, place)
     duration = first.motion.duration
     assert duration == pytest.approx(second.motion.duration)
     assert 2 * duration == pytest.approx(whole.motion.duration)
