@@ -158,7 +158,7 @@ def design_session(
     load, _ = rig_load(template)
     simulated = template
     if template.friction is None or top_speed is None:
-        table = load_map(drive, [], [])[0]
+        table = load_map(drive)[0]
         top_speed = float(np.abs(table.w).max()) if top_speed is None else top_speed
         if template.friction is None:
             simulated = fit_map(template, table, load, reference=prior_centres(template)).drive

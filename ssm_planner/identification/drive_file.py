@@ -32,7 +32,7 @@ def write_drive(
     fit: MapFit,
     dynamic: Mapping[str, Estimate],
     evidence: str,
-) -> str:
+) -> None:
     """Write a drive file with identified friction.
 
     Each parameter states its 95 % interval. The file is replaced as a whole, so it is never
@@ -52,11 +52,6 @@ def write_drive(
         Estimates from the start–stop recordings, by name of the parameter.
     evidence : str
         Description of the recordings, which becomes the source of the friction.
-
-    Returns
-    -------
-    str
-        Path of the written file.
 
     Raises
     ------
@@ -79,7 +74,6 @@ def write_drive(
         content, sort_keys=False, allow_unicode=True, width=110
     )
     write_text(Path(path), text)
-    return str(path)
 
 
 def _heading_comments(fit: MapFit, evidence: str) -> str:

@@ -236,7 +236,7 @@ def fit_map(
     progress(Step("computing the confidence intervals", len(models), len(models) + 1))
     determined = _determined_models(fitted)
     probabilities = _sample_laws(fitted)
-    (model, z), criterion = _choose_model(_plausible_models(determined, probabilities))
+    (model, z), criterion = _choose_model(determined, probabilities)
     fit = _build_map_fit(model, z, data, _possible_laws(probabilities, model.law))
     rows = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=rows, criterion=criterion)
@@ -283,12 +283,15 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     return models
 
 
-def _plausible_models(determined: FittedModels, probabilities: PossibleLaws) -> FittedModels:
-    """Return the models among which cross-validation selects.
+def _choose_model(
+    determined: FittedModels, probabilities: PossibleLaws
+) -> tuple[tuple[MapModel, Array], dict[str, float]]:
+    """Select the simplest model that predicts well the recordings that its fit has not used.
 
-    These are the models of the Coulomb law, which has the fewest parameters, if its probability
-    exceeds 5 %. Otherwise, they are the models of the Stribeck laws. Cross-validation alone would
-    often take a change of friction during the session for a Stribeck term.
+    The choice is among the models of the Coulomb law, which has the fewest parameters, if its
+    probability exceeds 5 %. Otherwise, it is among the models of the Stribeck laws.
+    Cross-validation alone would often take a change of friction during the session for a Stribeck
+    term.
 
     Parameters
     ----------
@@ -299,34 +302,17 @@ def _plausible_models(determined: FittedModels, probabilities: PossibleLaws) -> 
 
     Returns
     -------
-    list of (MapModel, (k,) array)
-        The selected entries of `determined`, or all entries if none would be left.
-    """
-    # The confidence level is 95 %, so a law is plausible if its probability exceeds 5 %.
-    laws = {s.model.law for s, share in probabilities if share > 1 - CONFIDENCE}
-    is_coulomb = "coulomb" in laws
-    plausible = [pair for pair in determined if (pair[0].law == "coulomb") == is_coulomb]
-    return plausible or determined
-
-
-def _choose_model(
-    determined: FittedModels,
-) -> tuple[tuple[MapModel, Array], dict[str, float]]:
-    """Select the simplest model that predicts well the recordings that its fit has not used.
-
-    Parameters
-    ----------
-    determined : list of (MapModel, (k,) array)
-        Models with the most likely coordinates of their parameters.
-
-    Returns
-    -------
     chosen : (MapModel, (k,) array)
         The selected entry of `determined`.
     criterion : dict
         RMS error in the cross-validation by name of the law (N·m). It is that of the selected model
         for its law, and that of the best model for each other law.
     """
+    # The confidence level is 95 %, so a law is plausible if its probability exceeds 5 %.
+    laws = {s.model.law for s, share in probabilities if share > 1 - CONFIDENCE}
+    is_coulomb = "coulomb" in laws
+    plausible = [pair for pair in determined if (pair[0].law == "coulomb") == is_coulomb]
+    determined = plausible or determined
     models = [model for model, _ in determined]
     errors = [cross_validation_errors(model, z) for model, z in determined]
     rms_errors = [rms(error) for error in errors]

@@ -203,7 +203,10 @@ def identify(
     """
     template = load_drive(drive)
     recorded, repeated = remove_repetitions(_read_rig_recordings(template, recordings))
-    steady, moving = _divide_by_kind(recorded)
+    kinds: dict[str, list[Recording]] = {"steady": [], "start_stop": []}
+    for recording in recorded:
+        kinds[recording_kind(recording)].append(recording)
+    steady, moving = kinds.values()
     data, evidence = load_map(drive, steady, moving)
     data = replace(data, repairs=(*repeated, *data.repairs))
     load, inertia = rig_load(template)
@@ -310,7 +313,7 @@ def predict(
     load, inertia = rig_load(predicting)
     if predicting.friction is None:
         progress(Step("identifying from the table of figures"))
-        data = load_map(drive, [], [])[0]
+        data = load_map(drive)[0]
         predicting = fit_map(predicting, data, load, reference=prior_centres(predicting)).drive
     if predicting.rig is not None:
         load = predicting.rig.load
@@ -334,9 +337,7 @@ def friction_origin(drive: str | Path) -> str:
     str
         `the drive file`, or a description of the table of mean speeds and torques in its folder.
     """
-    return (
-        "the drive file" if load_drive(drive).friction is not None else load_map(drive, [], [])[1]
-    )
+    return "the drive file" if load_drive(drive).friction is not None else load_map(drive)[1]
 
 
 def _read_rig_recordings(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
@@ -356,26 +357,7 @@ def _read_rig_recordings(drive: Drive, recordings: Sequence[str | Path]) -> list
     """
     rig = drive.rig
     nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
-    return read_recordings(list(recordings), nominal_torque=nominal, direction=direction)
-
-
-def _divide_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """Divide recordings into those at constant speed and those with starts and stops.
-
-    Parameters
-    ----------
-    recordings : list of Recording
-        Recordings of speed and torque.
-
-    Returns
-    -------
-    steady, moving : list of Recording
-        Recordings at constant speed, and recordings with starts and stops.
-    """
-    kinds: dict[str, list[Recording]] = {"steady": [], "start_stop": []}
-    for recording in recordings:
-        kinds[recording_kind(recording)].append(recording)
-    return kinds["steady"], kinds["start_stop"]
+    return read_recordings(recordings, nominal_torque=nominal, direction=direction)
 
 
 def rig_load(drive: Drive) -> tuple[float, float]:
@@ -417,7 +399,7 @@ def prior_centres(drive: Drive) -> dict[str, float]:
 
 
 def load_map(
-    drive_path: str | Path, steady: list[Recording], moving: list[Recording]
+    drive_path: str | Path, steady: Sequence[Recording] = (), moving: Sequence[Recording] = ()
 ) -> tuple[TorqueMap, str]:
     """Compute or read the torque–velocity map that is fitted.
 
@@ -425,10 +407,10 @@ def load_map(
     ----------
     drive_path : str or Path
         Drive file, or the name of a shipped drive.
-    steady : list of Recording
-        Recordings at constant speed. If the list is empty, the map is read from the table in the
+    steady : sequence of Recording
+        Recordings at constant speed. If the sequence is empty, the map is read from the table in the
         folder of the drive file.
-    moving : list of Recording
+    moving : sequence of Recording
         Start–stop recordings, which are only mentioned in the description.
 
     Returns

@@ -188,28 +188,6 @@ class MapModel:
             for i, name in enumerate(self.names)
         }
 
-    def coordinate(self, name: str, value: float) -> float:
-        """Convert the value of one parameter to its coordinate.
-
-        The coordinate is z_i = (ln θ_i − ln c_i) / d_i.
-
-        Parameters
-        ----------
-        name : str
-            Name of the parameter. It must not be the load offset or the change δ, whose coordinates
-            are not logarithms.
-        value : float
-            Value in SI units, > 0.
-
-        Returns
-        -------
-        float
-            Coordinate (dimensionless).
-        """
-        i = self.names.index(name)
-        centre, spread = self.prior
-        return (math.log(value) - float(centre[i])) / float(spread[i])
-
     def torque(self, z: Array, w: Array | None = None) -> Array:
         """Compute the motor torque at constant speed for parameter sets.
 
@@ -426,8 +404,10 @@ def most_likely(
     optimum = max(optima, key=lambda z: float(model.log_posterior(z[None])[0]))
     smallest = smallest_locking_mu(model.drive)
     if pinned is None and "mu" in model.names and model.parameters(optimum[None])["mu"] < smallest:
-        bound = model.names.index("mu"), model.coordinate("mu", smallest)
-        return most_likely(model, optimum, bound)
+        i = model.names.index("mu")
+        centre, spread = model.prior
+        bound = (math.log(smallest) - float(centre[i])) / float(spread[i])
+        return most_likely(model, optimum, (i, bound))
     return optimum
 
 

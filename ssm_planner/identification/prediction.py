@@ -590,9 +590,13 @@ class RecordedMotion:
             The motion.
         """
         rest = rest_mask(time, w)
-        rests = [(start, stop) for start, stop in true_runs(rest)]
-        direction = np.sign(_fill_gaps(np.where(rest, np.nan, w)))
-        direction[rest] = 0.0
+        rests = tuple((start, stop) for start, stop in true_runs(rest))
+        direction = np.zeros(len(w))
+        moving = np.flatnonzero(~rest & (w != 0))
+        if len(moving):
+            # A sample of speed 0 within a motion has the direction of the sample before it.
+            previous = np.searchsorted(moving, np.arange(len(w)), side="right") - 1
+            direction = np.where(rest, 0.0, np.sign(w[moving[np.maximum(previous, 0)]]))
         usual_speed = np.median(np.abs(w[~rest])) if not rest.all() else np.inf
         lead_time = ONSET_ANGLE / max(usual_speed, STANDSTILL_SPEED)
         for start, stop in rests:
@@ -600,7 +604,7 @@ class RecordedMotion:
                 lead = time[start:stop] > time[stop] - lead_time
                 lead[-1] = True
                 direction[start:stop][lead] = direction[stop]
-        return RecordedMotion(time, w, np.gradient(w, time), direction, tuple(rests))
+        return RecordedMotion(time, w, np.gradient(w, time), direction, rests)
 
 
 def predict_torque(drive: Drive, motion: RecordedMotion, load: float, load_inertia: float) -> Array:
@@ -679,26 +683,3 @@ def friction_coefficient_along(friction: Friction, motion: RecordedMotion) -> Ar
         shape = np.where(speed[stop:end] > 0, shape, 1.0)
         mu[stop:end] = friction.mu + (breakaway_mu - friction.mu) * shape
     return mu
-
-
-def _fill_gaps(values: Array) -> Array:
-    """Replace zeros and NaN by the last nonzero value before them.
-
-    Zeros and NaN at the beginning are replaced by the first nonzero value.
-
-    Parameters
-    ----------
-    values : (samples,) array
-        Values of any unit.
-
-    Returns
-    -------
-    (samples,) array
-        Values without zeros and NaN, or only zeros if no other value exists.
-    """
-    values = np.where(values == 0, np.nan, values)
-    valid = np.flatnonzero(np.isfinite(values))
-    if not len(valid):
-        return np.zeros(len(values))
-    previous = np.searchsorted(valid, np.arange(len(values)), side="right") - 1
-    return values[valid[np.maximum(previous, 0)]]

@@ -500,12 +500,9 @@ def _split_fields(line: str, separator: str) -> list[str]:
     list of str
         Fields, with the spaces around them.
     """
+    fields = _strip_commas(line).split(separator)
     if separator == ",":
-        fields = (
-            next(csv.reader([line.rstrip()]), []) if '"' in line else line.rstrip().split(separator)
-        )
-    else:
-        fields = _strip_commas(line).split(separator)
+        fields = next(csv.reader([line.rstrip()]), [])
     while fields and not fields[-1].strip():
         fields.pop()
     return fields

@@ -7,7 +7,7 @@ for sampled signals, which the other modules use.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import field
 from datetime import datetime, timezone
 from pathlib import Path
@@ -272,7 +272,7 @@ def _remove_spikes(channels: Array, lines: Indices) -> list[str]:
 
 
 def read_recordings(
-    paths: list[str | Path] | tuple[str | Path, ...],
+    paths: Sequence[str | Path],
     *,
     nominal_torque: float | None = None,
     direction: int = 1,
@@ -283,7 +283,7 @@ def read_recordings(
 
     Parameters
     ----------
-    paths : list or tuple of str or Path
+    paths : sequence of str or Path
         Files and directories. Files of a directory are sorted and named by their path within it.
     nominal_torque : float, optional
         Nominal torque of the motor in N·m, to which a torque in percent or per mille refers.
@@ -483,7 +483,9 @@ def _torque_remarks(
         int(np.sum((distance_to_peak >= lower) & (distance_to_peak < lower + PEAK_BAND)))
         for lower in (0.0, PEAK_BAND)
     )
-    longest_run, second_run = _longest_runs(torque, moving)
+    repeats = (np.diff(torque) == 0.0) & moving[1:] & moving[:-1]
+    run_lengths = (stop - start + 1 for start, stop in true_runs(repeats))
+    *_, second_run, longest_run = sorted([1, 1, *run_lengths])
     if count_at_peak >= SUSPICIOUS_COUNT and count_at_peak > PEAK_EXCESS * count_below_peak:
         yield (
             f"torque stays at its largest value in {count_at_peak} samples: limited by the drive, "
@@ -493,26 +495,6 @@ def _torque_remarks(
         yield f"torque does not change for {longest_run} samples in a row: did the channel stop?"
     if column.relative and column.factor == 0.01 and nominal_torque is not None:
         yield from _percent_remarks(torque / nominal_torque, column.unit)
-
-
-def _longest_runs(torque: Array, moving: Mask) -> tuple[int, int]:
-    """Find the longest and the second longest run of equal torques during motion.
-
-    Parameters
-    ----------
-    torque : (samples,) array
-        Motor torques (N·m).
-    moving : (samples,) array of bool
-        True for the samples in motion.
-
-    Returns
-    -------
-    longest, second : int
-        Numbers of samples of both runs. A run that does not exist has the length 1.
-    """
-    repeats = (np.diff(torque) == 0.0) & moving[1:] & moving[:-1]
-    lengths = sorted([1, 1, *(stop - start + 1 for start, stop in true_runs(repeats))])
-    return lengths[-1], lengths[-2]
 
 
 def _percent_remarks(share: Array, unit: str) -> Iterator[str]:
@@ -546,7 +528,8 @@ def remove_repetitions(recordings: list[Recording]) -> tuple[list[Recording], li
     """Remove recordings that repeat another one, so that no measurement counts twice.
 
     A recording is a repetition if another one that is at least as long contains more than
-    `REPEATED_SHARE` of its passages. A passage consists of `PASSAGE_LENGTH` consecutive samples.
+    `REPEATED_SHARE` of its passages. A passage consists of `PASSAGE_LENGTH` consecutive samples of
+    speed and torque, rounded to 1e-6 rad/s and 1e-9 N·m. A shorter recording is one passage.
 
     Parameters
     ----------
@@ -563,7 +546,10 @@ def remove_repetitions(recordings: list[Recording]) -> tuple[list[Recording], li
     originals: list[tuple[str, set[int]]] = []
     remarks: dict[int, str] = {}
     for recording in sorted(recordings, key=lambda r: -len(r.w)):
-        passages = _passage_hashes(recording)
+        samples = np.column_stack([recording.w / 1e-6, recording.tau / 1e-9])
+        rounded = np.round(samples).astype(np.int64)
+        starts = range(max(len(rounded) - PASSAGE_LENGTH, 0) + 1)
+        passages = {hash(rounded[k : k + PASSAGE_LENGTH].tobytes()) for k in starts}
         minimum = REPEATED_SHARE * len(passages)
         source = next(
             (name for name, earlier in originals if len(passages & earlier) > minimum), None
@@ -575,28 +561,6 @@ def remove_repetitions(recordings: list[Recording]) -> tuple[list[Recording], li
             remarks[id(recording)] = text
     remaining = [r for r in recordings if id(r) not in remarks]
     return remaining, [remarks[id(r)] for r in recordings if id(r) in remarks]
-
-
-def _passage_hashes(recording: Recording) -> set[int]:
-    """Compute a hash of every passage of a recording, by which recordings are compared.
-
-    A passage consists of `PASSAGE_LENGTH` consecutive samples of speed and torque. The values are
-    rounded to 1e-6 rad/s and 1e-9 N·m. A shorter recording is one passage.
-
-    Parameters
-    ----------
-    recording : Recording
-        Recording of speed and torque.
-
-    Returns
-    -------
-    set of int
-        Hashes.
-    """
-    samples = np.column_stack([recording.w / 1e-6, recording.tau / 1e-9])
-    rounded = np.round(samples).astype(np.int64)
-    starts = range(max(len(rounded) - PASSAGE_LENGTH, 0) + 1)
-    return {hash(rounded[k : k + PASSAGE_LENGTH].tobytes()) for k in starts}
 
 
 def true_runs(mask: Mask) -> list[list[int]]:

@@ -362,18 +362,19 @@ def read_torque_map(path: str | Path, rig: str) -> TorqueMap:
     lines = table_rows(path)
     if tuple(next(lines)[1]) not in (TABLE_HEADER, TABLE_HEADER[:-1]):
         raise RecordingError(f"{path}: the first line must be {','.join(TABLE_HEADER)}")
-    tables: dict[str, list[tuple[str, list[float]]]] = {}
-    for line, fields in lines:
-        rows = tables.setdefault(fields[0], [])
-        if fields[0] == rig:
-            rows.append((fields[1], _parse_row(fields[2:], f"{path}:{line}")))
-    if rig not in tables:
+    rigs = set()
+    names = []
+    rows = []
+    for line, (row_rig, name, *numbers) in lines:
+        rigs.add(row_rig)
+        if row_rig == rig:
+            names.append(name)
+            rows.append(_parse_row(numbers, f"{path}:{line}"))
+    if not rows:
         raise RecordingError(
-            f"{path}: no figures of {rig!r}; rigs in the table: "
-            f"{', '.join(sorted(tables)) or 'none'}"
+            f"{path}: no figures of {rig!r}; rigs in the table: {', '.join(sorted(rigs)) or 'none'}"
         )
-    names, numbers = zip(*tables[rig], strict=True)
-    return _from_rows(list(names), list(numbers))
+    return _from_rows(names, rows)
 
 
 def _parse_row(fields: list[str], location: str) -> list[float]:
