@@ -294,10 +294,8 @@ def _release_memory() -> None:
         trim(0)
 
 
-@lru_cache(maxsize=1)
-def _unpickle_evaluation(pickled: bytes) -> Evaluation:
-    """Unpickle an evaluation, and keep it for the next batch of the same study."""
-    return pickle.loads(pickled)
+_unpickle_evaluation = lru_cache(maxsize=1)(pickle.loads)
+"""Unpickles an evaluation, and keeps it for the next batch of the same study."""
 
 
 def candidate_problems(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:

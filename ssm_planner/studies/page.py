@@ -68,48 +68,31 @@ def write_study_page(study: Study, rows: Candidates, path: Path, finished: bool)
     """
     original, *candidates = rows
     front = pareto_front(candidates, study.minimise)
-    content = _template_values(study, candidates, front)
-    content["own"] = compare_with_original(study, original, front)
-    reports = sorted(path.parent.glob("candidate_*/*/report.html"))
-    content["reports"] = [report.relative_to(path.parent).as_posix() for report in reports]
-    # The arguments of `study show` after the numbers of the candidates.
-    content["file"] = shlex.join([study.file or "FILE", "-o", str(path.parent)])
-    data = _script_data(study, candidates, front) | {"reports": content["reports"]}
-    text = render_page("study.html", data, **content, unfinished=not finished)
-    write_text(path, text)
-    return path
-
-
-def _template_values(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
-    """Return the values of the variables in the template study.html.
-
-    Parameters
-    ----------
-    study : Study
-        Study that is shown.
-    rows : sequence of Candidate
-        Results of all candidates.
-    front : sequence of Candidate
-        Results of the candidates on the front.
-
-    Returns
-    -------
-    dict
-        Values by name of the variable.
-    """
-    states = sorted(Counter(row.state for row in rows).items())
+    states = sorted(Counter(row.state for row in candidates).items())
     counts_text = ", ".join(f"{count} {state}" for state, count in states)
     objectives = " and ".join(map(plain_words, study.minimise))
-    return {
-        "title": study.name,
-        "headline": f"The front of {objectives} contains {len(front)} of {len(rows)} candidates.",
-        "summary": f"{len(rows)} candidates: {counts_text}.",
-        "notes": study.notes,
-        "fallen": _rejection_rows(rows),
-        "objectives": [axis_title(name) for name in study.minimise],
-        "sensitivity": sensitivity_rows(study, rows),
-        "front": _front_table(study, front),
-    }
+    share_text = f"{len(front)} of {len(candidates)} candidates"
+    report_files = sorted(path.parent.glob("candidate_*/*/report.html"))
+    reports = [report.relative_to(path.parent).as_posix() for report in report_files]
+    text = render_page(
+        "study.html",
+        _script_data(study, candidates, front) | {"reports": reports},
+        title=study.name,
+        # The arguments of `study show` after the numbers of the candidates.
+        file=shlex.join([study.file or "FILE", "-o", str(path.parent)]),
+        headline=f"The front of {objectives} contains {share_text}.",
+        summary=f"{len(candidates)} candidates: {counts_text}.",
+        notes=study.notes,
+        fallen=_rejection_rows(candidates),
+        objectives=[axis_title(name) for name in study.minimise],
+        sensitivity=sensitivity_rows(study, candidates),
+        front=_front_table(study, front),
+        own=compare_with_original(study, original, front),
+        reports=reports,
+        unfinished=not finished,
+    )
+    write_text(path, text)
+    return path
 
 
 def _rejection_rows(rows: Candidates) -> list[JsonObject]:

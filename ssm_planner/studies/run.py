@@ -378,24 +378,19 @@ class StudyRunner:
         return self._store.rows([self.original_key] + self.keys)
 
     def flush(self) -> None:
-        """Write finished results into the store, and write the page if the last one is old."""
+        """Write finished results into the store, and write the page if the last one is old.
+
+        The time until the next page is at least 50 times that of writing this page.
+        """
         if self._unwritten_results:
             self._store.write_results(self._unwritten_results)
             self._unwritten_results = []
         self._last_write = time.monotonic()
         if self._last_write > self._next_page:
-            self._write_page()
-
-    def _write_page(self) -> None:
-        """Write the page of the running study.
-
-        The time until the next page is at least 50 times that of writing this page.
-        """
-        rows = self.rows()
-        page = self._store.path.with_name(PAGE_FILE)
-        write_study_page(self._study, rows, page, finished=False)
-        now = time.monotonic()
-        self._next_page = now + max(PAGE_INTERVAL, 50 * (now - self._last_write))
+            page = self._store.path.with_name(PAGE_FILE)
+            write_study_page(self._study, self.rows(), page, finished=False)
+            now = time.monotonic()
+            self._next_page = now + max(PAGE_INTERVAL, 50 * (now - self._last_write))
 
     def _submit_passing(self, designs: Sequence[Design]) -> None:
         """Screen candidates, store the rejections, and send the other candidates to the workers.

@@ -281,8 +281,6 @@ class Screens:
         rejections : list of Rejection or None
             Rejection of each candidate, which is set in place. Earlier rejections remain.
         """
-        if self.robot is None:
-            return
         passes = np.array([rejection is None for rejection in rejections])
         if not passes.any():
             return
@@ -340,7 +338,9 @@ class Screens:
     def _weight_efforts(self, family: MechanismFamily, q: Array) -> Array:
         """Return the efforts that the weight of the bodies exerts on the joints.
 
-        The bodies keep their position relative to the axes of their joints.
+        The axes of the joints differ between the candidates. Each body of the original robot is
+        rotated by the smallest rotation that turns the original axis of its joint into the axis of
+        the candidate.
 
         Parameters
         ----------
@@ -359,32 +359,11 @@ class Screens:
         count = len(family.alpha)
         axes = np.stack([family.omega1, family.omega2, family.omega3], axis=1)
         masses = np.tile([body.mass for body in self.robot.bodies], (count, 1))
-        return static_loads(axes, masses, self._centres_of_mass(family), self.robot.gravity, q)
-
-    def _centres_of_mass(self, family: MechanismFamily) -> Array:
-        """Return the centres of mass of the four bodies in the base frame at q = 0.
-
-        The axes of the joints differ between the candidates. Each body of the original robot is
-        rotated by the smallest rotation that turns the original axis of its joint into the axis of
-        the candidate.
-
-        Parameters
-        ----------
-        family : MechanismFamily
-            Geometries of n candidates.
-
-        Returns
-        -------
-        (n, 4, 3) array
-            Centres of mass, m.
-        """
-        assert self.robot is not None
         new_axes = (family.omega1, family.omega2, family.omega3, family.omega3)
-        centres = [body.frame @ body.com for body in self.robot.bodies]
-        bodies = zip(centres, self.robot.geometry.axes, new_axes, strict=True)
-        return np.stack(
-            [_rotate_with_axis(centre, old, new) for centre, old, new in bodies], axis=1
-        )
+        original_centres = [body.frame @ body.com for body in self.robot.bodies]
+        bodies = zip(original_centres, self.robot.geometry.axes, new_axes, strict=True)
+        centres = np.stack([_rotate_with_axis(*body) for body in bodies], axis=1)
+        return static_loads(axes, masses, centres, self.robot.gravity, q)
 
     def _joint_variants(
         self, name: str, designs: Sequence[Design]

@@ -18,7 +18,6 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import field
 from itertools import starmap
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Literal, get_args
 
 from ssm_planner.atomic import locked, replacing
@@ -411,12 +410,7 @@ class Store(AbstractContextManager["Store"]):
         except sqlite3.DatabaseError as error:
             raise ProblemError(f"not a store of a study: {error}", file=self.path) from error
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the database and release its lock."""
         self._connection.close()
         self._lock.__exit__(None, None, None)

@@ -83,13 +83,11 @@ class Workers(Executor):
         self._closed = True
         if cancel_futures:
             self._ended = True
-            while True:
-                try:
+            with suppress(queue.Empty):
+                while True:
                     task = self._tasks.get_nowait()
-                except queue.Empty:
-                    break
-                if task is not None:
-                    task[0].cancel()
+                    if task is not None:
+                        task[0].cancel()
             for process in list(self._processes.values()):
                 process.kill()
         for _ in self._threads:
