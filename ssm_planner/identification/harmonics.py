@@ -67,7 +67,7 @@ def ripple_rms(angle: Array, tau: Array) -> float:
     residual = (
         tau
         - tau.mean()
-        - _fit_orders([(angle, tau)], _harmonic_orders(None), phased=False).torque(angle)
+        - _fit_orders([(angle, tau)], _harmonic_orders(), phased=False).torque(angle)
     )
     noise = float(np.sum((residual - residual.mean()) ** 2))
     noise /= max(len(angle) - 2 * HARMONICS - 1, 1)
@@ -127,7 +127,7 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
         Mean harmonics, in which recordings with more turns have more weight. Their phases are not
         valid.
     """
-    single = [_fit_orders([curve], _harmonic_orders(None), phased=False) for curve in series]
+    single = [_fit_orders([curve], _harmonic_orders(), phased=False) for curve in series]
     turns = np.array([np.ptp(angle) for angle, _ in series])
     mean = single[int(np.argmax(turns))]
     for _ in range(_ALIGNMENT_ITERATIONS):
@@ -140,7 +140,7 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
     return mean
 
 
-def _harmonic_orders(ratio: float | None) -> tuple[float, ...]:
+def _harmonic_orders(ratio: float | None = None) -> tuple[float, ...]:
     """Return the orders of the harmonics, which are their periods in one turn of the motor.
 
     Parameters

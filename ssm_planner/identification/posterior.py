@@ -704,7 +704,8 @@ def predict_law_error(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     covariance = common * error_correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds))
     factors = np.linalg.solve(covariance, shared_covariance.T).T
     remaining_share = np.sqrt(np.maximum(1.0 - np.sum(factors * shared_covariance, axis=1), 0.0))
-    distance_to_recorded = _replace_infinite(_log_distance(w, speeds).min(axis=1))
+    # A direction without recordings counts as a distance of 1.
+    distance_to_recorded = np.nan_to_num(_log_distance(w, speeds).min(axis=1), posinf=1.0)
     return np.asarray(factors), remaining_share * (1.0 + distance_to_recorded)
 
 
@@ -731,25 +732,9 @@ def extrapolation_distance(posterior: Posterior, w: Array) -> Array:
     logs, recorded = _log_speed(w), np.log(np.abs(speeds))
     distance_below = np.where(same_direction, recorded, np.inf).min(axis=1) - logs
     distance_above = logs - np.where(same_direction, recorded, -np.inf).max(axis=1)
-    return _replace_infinite(np.maximum(np.maximum(distance_below, distance_above), 0.0))
-
-
-def _replace_infinite(distance: Array) -> Array:
-    """Replace infinite distances between speeds by 1.
-
-    A distance is infinite in a direction without recordings.
-
-    Parameters
-    ----------
-    distance : (samples,) array
-        Logarithmic distances (dimensionless).
-
-    Returns
-    -------
-    (samples,) array
-        Finite distances.
-    """
-    return np.where(np.isfinite(distance), distance, 1.0)
+    distance = np.maximum(np.maximum(distance_below, distance_above), 0.0)
+    # A direction without recordings counts as a distance of 1.
+    return np.nan_to_num(distance, posinf=1.0)
 
 
 def prior_pull(covariance: Array) -> Array:

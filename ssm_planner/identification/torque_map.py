@@ -272,17 +272,16 @@ def compute_torque_map(recordings: Sequence[Recording]) -> TorqueMap:
     order = sorted(recordings, key=lambda recording: float(recording.w.mean()))
     repairs = [f"{recording.name}: {repair}" for recording in order for repair in recording.repairs]
     for recording in order:
-        if recording.w.std() > abs(recording.w.mean()):
+        size, deviation = abs(recording.w.mean()), recording.w.std()
+        if deviation > size:
             repairs.append(
-                f"{recording.name}: speed noisier than its mean ({recording.w.std():.3g} > "
-                f"{abs(recording.w.mean()):.3g} rad/s), kept"
+                f"{recording.name}: speed noisier than its mean ({deviation:.3g} > {size:.3g} "
+                "rad/s), kept"
             )
         third = len(recording.w) // 3
         initial, final = float(recording.w[:third].mean()), float(recording.w[-third:].mean())
-        if abs(final - initial) > max(
-            LARGEST_DRIFT * abs(recording.w.mean()),
-            OUTLIER_SCORE * recording.w.std() / np.sqrt(third),
-        ):
+        tolerance = max(LARGEST_DRIFT * size, OUTLIER_SCORE * deviation / np.sqrt(third))
+        if abs(final - initial) > tolerance:
             repairs.append(
                 f"{recording.name}: speed goes from {initial:.3g} to {final:.3g} rad/s, "
                 "its mean is taken: not steady"

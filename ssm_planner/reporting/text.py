@@ -135,7 +135,11 @@ class Table:
         lines = []
         for row in [self.header, rule] + list(self.rows):
             for cells in _wrap_row(row, widths):
-                lines.append("  ".join(self._align(cells, widths)).rstrip())
+                aligned = (
+                    cell.rjust(width) if i in self.numeric_columns else cell.ljust(width)
+                    for i, cell, width in zip(indices, cells, widths, strict=True)
+                )
+                lines.append("  ".join(aligned).rstrip())
         return lines
 
     def _select(self, indices: Sequence[int]) -> "Table":
@@ -178,11 +182,6 @@ class Table:
             selected = max(shrinkable, key=lambda i: (i in self.numeric_columns, widths[i]))
             widths[selected] -= 1
         return widths
-
-    def _align(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
-        """Yield the cells of a row, padded to the widths of their columns."""
-        for i, (cell, width) in enumerate(zip(row, widths, strict=True)):
-            yield cell.rjust(width) if i in self.numeric_columns else cell.ljust(width)
 
 
 def _wrap_row(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str]]:
@@ -1005,18 +1004,16 @@ def skipped_checks(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
         Motors and gears without skipped checks are left out.
     """
     gear_checks = _gear_checks(sizing)
-    components = [(gear["joint"], gear["drive"], gear["not_checked"]) for gear in sizing["gears"]]
-    motors = []
-    for motor in sizing["motors"]:
-        not_checked = motor["not_checked"].items()
-        skipped = {name: needs for name, needs in not_checked if name not in gear_checks}
-        motors.append((motor["joint"], motor["motor"], skipped))
-    for joint, component, skipped in motors + components:
+    for component in sizing["motors"] + sizing["gears"]:
+        skipped = component["not_checked"]
+        if "motor" in component:  # The entry of the gear names its checks.
+            skipped = {name: needs for name, needs in skipped.items() if name not in gear_checks}
         if skipped:
+            label = component["motor" if "motor" in component else "drive"]
             checks = ", ".join(map(plain_words, skipped))
             # The needs of a check are joined by " and ".
             data = dict.fromkeys(" and ".join(skipped.values()).split(" and "))
-            yield joint, component, checks, ", ".join(data)
+            yield component["joint"], label, checks, ", ".join(data)
 
 
 def _open_checks(sizing: SizingObject) -> list[str]:
@@ -1033,11 +1030,12 @@ def _open_checks(sizing: SizingObject) -> list[str]:
         Names of checks of motors. All checks of gears are combined under the name "gear".
     """
     gear_checks = _gear_checks(sizing)
-    names: dict[str, None] = {}  # a set that keeps the order
-    for component in sizing["motors"] + sizing["gears"]:
-        for name in component["not_checked"]:
-            names["gear" if name in gear_checks else plain_words(name)] = None
-    return list(names)
+    names = (
+        "gear" if name in gear_checks else plain_words(name)
+        for component in sizing["motors"] + sizing["gears"]
+        for name in component["not_checked"]
+    )
+    return list(dict.fromkeys(names))
 
 
 def _failed_checks(sizing: SizingObject) -> list[str]:
@@ -1330,16 +1328,15 @@ def _motor_notes(sizing: Sizing) -> Iterator[str]:
     str
         Line of text. Equal notes of several motors appear once.
     """
-    notes: dict[str, None] = {}  # a set that keeps the order
-    for verdict in sizing.verdicts + sizing.alternatives:
+    verdicts = sizing.verdicts + sizing.alternatives
+    for verdict in verdicts:
         heat = verdict.heat
         if heat is not None and heat.time_until_limit is not None:
             duration = (
                 f"reaches {heat.limit - ZERO_CELSIUS:.0f} °C after {heat.time_until_limit:.4g} s"
             )
             yield f"joint {verdict.joint}, {verdict.motor.name}: the winding {duration}"
-        notes |= dict.fromkeys(verdict.notes)
-    yield from notes
+    yield from dict.fromkeys(note for verdict in verdicts for note in verdict.notes)
 
 
 def sizing_verdict_lines(sizing: Sizing) -> list[str]:

@@ -36,7 +36,6 @@ from ssm_planner.sizing import (
     JointLoad,
     JointSelection,
     MotorVerdict,
-    Sizing,
     joint_loads,
     pause_after_motion,
     select_joint,
@@ -690,46 +689,28 @@ def _motion_results(problems: ProblemByMotion, motions: TrajectoryByMotion) -> J
     Returns
     -------
     dict
-        `duration.NAME` for each motion and their sum `duration` (s), and the results of
-        `_motor_results`.
+        `duration.NAME` for each motion and their sum `duration` (s), the smallest motor margin, the
+        largest peak and RMS torques (N·m) of each joint, the largest peak torque of all joints, and
+        the mass of all motors (kg). Unknown values are None, for example the mass if one motor does
+        not state it.
     """
     results: JsonObject = {}
-    sizings = []
+    verdicts: list[MotorVerdict] = []
     for name, motion in motions.items():
         problem = problems[name]
         results[f"duration.{name}"] = motion.duration
-        sizings.append(size_motion(motion, problem.robot, pause_after_motion(problem)))
+        verdicts += size_motion(motion, problem.robot, pause_after_motion(problem)).verdicts
     results["duration"] = sum(motion.duration for motion in motions.values())
-    return results | _motor_results(sizings)
-
-
-def _motor_results(sizings: Sequence[Sizing]) -> JsonObject:
-    """Summarise the demands of all motions on the motors of a candidate.
-
-    Parameters
-    ----------
-    sizings : sequence of Sizing
-        For each motion, the requirements and the checks of every motor.
-
-    Returns
-    -------
-    dict
-        The smallest motor margin, the largest peak and RMS torques (N·m) of each joint, the largest
-        peak torque of all joints, and the mass of all motors (kg). Unknown values are None, for
-        example the mass if one motor does not state it.
-    """
-    results: JsonObject = {}
     margins: list[float] = []
     peak_torques = []
     masses: dict[str, float | None] = {}
-    for sizing in sizings:
-        for verdict in sizing.verdicts:
-            margins += _checked_margins(verdict)
-            peak_torques.append(verdict.requirement.peak_torque)
-            masses[verdict.joint] = verdict.motor.mass
-            for name in ("peak_torque", "rms_torque"):
-                key = f"{name}.{verdict.joint}"
-                results[key] = max(getattr(verdict.requirement, name), results.get(key, 0.0))
+    for verdict in verdicts:
+        margins += _checked_margins(verdict)
+        peak_torques.append(verdict.requirement.peak_torque)
+        masses[verdict.joint] = verdict.motor.mass
+        for name in ("peak_torque", "rms_torque"):
+            key = f"{name}.{verdict.joint}"
+            results[key] = max(getattr(verdict.requirement, name), results.get(key, 0.0))
     known_masses = [mass for mass in masses.values() if mass is not None]
     results["motor_margin"] = min(margins, default=None)
     results["peak_torque"] = max(peak_torques, default=None)
