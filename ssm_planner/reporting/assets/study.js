@@ -188,7 +188,7 @@ const parallel = makeCanvas("parallel", (context, width, height) => {
       const half = context.measureText(text).width / 2 + 2;
       context.fillText(text, Math.min(Math.max(at(k), half), width - half), y);
     };
-    write(shortened(context, column(name).title, 2 * spacing - 8), 12 + 14 * (k % 2));
+    write(shortened(context, column(name).title, spacing + (k % (lanes.length - 1) ? spacing : edge) - 8), 12 + 14 * (k % 2));
     write(label(column(name), ranges[k][1], digits) ?? "", top - 5);
     write(label(column(name), ranges[k][0], digits) ?? "", height - 10);
     const brush = brushes.get(name);
