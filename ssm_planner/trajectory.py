@@ -642,6 +642,11 @@ def quintic_coefficients(length: Array, start: tuple[Array, ...], end: tuple[Arr
     dq = (q1 - q0 - v0 * h - a0 * h**2 / 2) / h**3
     dv = (v1 - v0 - a0 * h) / h**2
     da = (a1 - a0) / h
+    # In a short piece, the rounding of the positions dominates the jerk. If velocities and
+    # accelerations give the same displacement within this rounding, they give it more exactly.
+    exact = dv / 2 - da / 12
+    rounding = 32 * np.finfo(float).eps * np.abs(q1) / h**3
+    dq = np.where(np.abs(dq - exact) <= rounding, exact, dq)
     c3 = 10 * dq - 4 * dv + da / 2
     c4 = (-15 * dq + 7 * dv - da) / h
     c5 = (6 * dq - 3 * dv + da / 2) / h**2

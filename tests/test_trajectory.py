@@ -41,6 +41,26 @@ def test_hermite_pieces_meet_their_ends(seed: int) -> None:
         assert np.allclose(getattr(left, name), getattr(right, name), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("length", [1e-4, 1e-3, 1e-2, 0.3])
+def test_rounded_positions_do_not_change_the_jerk_of_a_short_piece(length: float) -> None:
+    """At 1.6 rad, a rounding error of 2e-16 rad would change the jerk by 1 % after 1e-4 s."""
+    jerk, acceleration, speed = 0.02, 1e-3, 1e-3
+    end = (
+        1.6 + speed * length + acceleration * length**2 / 2 + jerk * length**3 / 6,
+        speed + acceleration * length + jerk * length**2 / 2,
+        acceleration + jerk * length,
+    )
+    for error in (-8, 0, 8):
+        states = [
+            tuple(np.full((1, 4), value) for value in values)
+            for values in ((1.6, speed, acceleration), (end[0] + error * 2.2e-16, *end[1:]))
+        ]
+        piece = quintic_coefficients(np.array([length]), *states)
+        trajectory = Trajectory(np.array([0.0, length]), piece, ())
+        sampled = trajectory.sample(np.linspace(0.0, length, 9)).qddd
+        assert sampled == pytest.approx(jerk, rel=1e-6)
+
+
 @given(seed=st.integers(0, 1000))
 def test_derivatives_are_those_of_the_position(seed: int) -> None:
     trajectory = random_trajectory(seed)
