@@ -66,7 +66,10 @@ A path of several pieces, for example with rounded corners, gets half as many fo
 ELEMENTS_PER_SPLINE_BREAK = 18
 """Number of elements for each of `JointPath.breaks` of a path that is a spline."""
 FINE_MESH_FACTOR = 3
-"""Factor on the number of elements of a jerk-limited motion that Ipopt confirms."""
+"""Factor on the number of elements of a jerk-limited motion that Ipopt confirms.
+
+It also applies if Ipopt solves alone.
+"""
 POLYNOMIALS_PER_ELEMENT = 4
 """Number of quintic polynomials of each joint in an element.
 
@@ -126,7 +129,7 @@ def solve_straight(
         ELEMENTS_PER_SPLINE_BREAK if isinstance(path, SplinePath) else MIN_ELEMENTS // 2
     )
     if count is None:
-        finer = FINE_MESH_FACTOR if jerk and method == "confirmed" else 1
+        finer = FINE_MESH_FACTOR if jerk and method in ("confirmed", "Ipopt") else 1
         count = finer * max(len(path.breaks) * elements_per_break, MIN_ELEMENTS)
     mesh = Mesh.from_retiming(
         guess, knots, count, _path_jerk_limits(robot, path, guess.s) if jerk else None
