@@ -923,29 +923,30 @@ class Plan:
             )
         try:
             trajectory = Trajectory.from_dict(_required_mapping(document, "trajectory", file))
-            phases = convert_value(
-                tuple[PhaseSummary, ...], document.get("phases") or [], "phases", build=True
-            )
+            tables = {
+                key: convert_value(table_type, document.get(key) or [], key, build=True)
+                for key, table_type in _TABLES.items()
+            }
             certificate = None
             if document.get("certificate") is not None:
                 certificate = Certificate.from_dict(document["certificate"])
             nominal_duration = convert_value(
                 float | None, document.get("nominal_duration"), "nominal_duration"
             )
-            proof = convert_value(
-                tuple[Proof, ...], document.get("proof") or [], "proof", build=True
+            candidates = tuple(tuple(map(vars, row)) for row in tables.pop("candidates"))
+            software_versions = convert_value(
+                Mapping[str, str], document.get("software") or {}, "software"
             )
             plan = cls(
                 problem=problem,
                 status=str(document.get("status")),
                 trajectory=trajectory,
-                phases=phases,
                 certificate=certificate,
                 nominal_duration=nominal_duration,
                 stopped=document.get("stopped") is True,
-                candidates=tuple(map(tuple, document.get("candidates") or ())),
-                proof=proof,
-                software=document.get("software") or {},
+                candidates=candidates,
+                software=software_versions,
+                **tables,
             )
         except TrajectoryError as error:
             raise TrajectoryError(f"{file}: {error}") from error
@@ -1012,6 +1013,26 @@ class Plan:
 
     doubt = Renamed("uncertified_reason")
     limits_unlike = Renamed("limit_differences")
+
+
+@frozen
+class _CandidateRow:
+    """Entry of `Plan.candidates`, for the check of a plan.json."""
+
+    kind: str
+    bound: float | None
+    estimate: float | None
+    outcome: str
+    duration: float | None
+    effort: float
+
+
+_TABLES: dict[str, Any] = {
+    "phases": tuple[PhaseSummary, ...],
+    "proof": tuple[Proof, ...],
+    "candidates": tuple[tuple[_CandidateRow, ...], ...],
+}
+"""Types of the lists in a plan.json, by their keys."""
 
 
 @checked

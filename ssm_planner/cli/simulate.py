@@ -114,10 +114,6 @@ def scenario_from_options(options: Namespace) -> ssm.Scenario:
     power_loss = options.power_loss
     if power_loss is not None and power_loss != EVERYWHERE:
         power_loss = parse_option_quantity("--power-loss", power_loss, "time")
-    if options.instants < 1:
-        raise ProblemError(
-            "invalid number", key="--instants", value=options.instants, allowed="1 or more"
-        )
     names = (
         "speed",
         "instants",

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any
 
+from ssm_planner.errors import suggestion
 from ssm_planner.loading.files import follow_reference
 from ssm_planner.loading.schema import Model, quantity_reader, validate_section
 from ssm_planner.loading.yaml_nodes import Node, Section, node_from_data
@@ -50,7 +51,7 @@ def expand_abbreviations(section: Section, within: tuple[Section, ...] = ()) -> 
     points = _named_points(section)
     children = dict(section.root.children)
     for key in ("start", "motion"):
-        if points and key in children:
+        if key in children:
             children[key] = _replace_point_names(section.sub(key), children[key], points)
     if "motion" in children and isinstance(children["motion"].value, list):
         entries = _MotionExpansion(section, within).expand(
@@ -148,7 +149,10 @@ def _replace_point_names(
         node.value, str
     ):
         if node.value not in points:
-            raise part_section.error("unknown name of a point", allowed=", ".join(map(str, points)))
+            raise part_section.error(
+                f"unknown name of a point{suggestion(node.value, map(str, points))}",
+                allowed=", ".join(map(str, points)) or "a point, or a name that `points` defines",
+            )
         return replace(points[node.value], line=node.line)
     children = {
         child_key: _replace_point_names(part_section.sub(child_key), child, points)

@@ -137,7 +137,7 @@ class _ScanModel(Model):
         object
             The unchanged value, whose keys pydantic validates afterwards.
         """
-        pattern = data.get("pattern") if isinstance(data, dict) else None
+        pattern = str(data.get("pattern")) if isinstance(data, dict) else None
         if pattern not in PATTERN_KEYS:
             return data
         for key in chain.from_iterable(PATTERN_KEYS.values()):

@@ -18,6 +18,7 @@ from ssm_planner.loading.missions import expand_abbreviations
 from ssm_planner.loading.motions import (
     BUILT_IN_KEYS,
     MOTIONS,
+    FreeTargetModel,
     KeyPath,
     PointModel,
     accept_keyword,
@@ -55,7 +56,7 @@ from ssm_planner.loading.schema import (
     required_key,
     validate_section,
 )
-from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.loading.yaml_nodes import Node, Section
 from ssm_planner.problem import (
     TASK_COORDINATES,
     Bound,
@@ -237,9 +238,8 @@ def _motion_keys(section: Section) -> tuple[str, ...]:
     They are the keys of this package or, if the file has a key of another package, all registered
     keys. A model with all keys takes longer to build.
     """
-    entries = section.value.get("motion")
-    mappings = [entry for entry in entries if isinstance(entry, dict)] if entries else []
-    names = {name for entry in mappings for name in entry}
+    motion = section.root.children.get("motion", Node(None, None))
+    names = {name for entry in motion.children.values() for name in entry.children}
     return BUILT_IN_KEYS if names <= set(BUILT_IN_KEYS) else tuple(MOTIONS)
 
 
@@ -266,6 +266,9 @@ def problem_from(section: Section) -> Problem:
         raise section.error(
             "a robot file instead of a problem file", allowed="a file with start and motion"
         )
+    for name in section.value.get("points", ()):  # the points that no motion uses as well
+        point = section.sub("points", name)
+        point_from(point, validate_section(point, FreeTargetModel))
     model: Any = validate_section(section, problem_model(_motion_keys(section)))
     robot = _robot_from(section, model)
     if (

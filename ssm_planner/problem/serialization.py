@@ -408,6 +408,7 @@ def robot_from_plain(data: Fields, file: str | None = None) -> Robot:
         If the data are invalid. The error states the key, its value and the allowed values.
     """
     with _add_file_to_errors(file):
+        check_mapping(data, _field_names(Robot), "robot")
         robot = build_value(
             Robot,
             {**data, "limits": _ranges_from_plain(data.get("limits"), "robot.limits")},

@@ -537,13 +537,15 @@ def _convert_union(members: tuple[Any, ...], value: Any, location: str, build: b
     if value is None and type(None) in members:
         return None
     inner = [member for member in members if member is not type(None)]
-    if len(inner) == 1:
-        return convert_value(inner[0], value, location, build)
-    if not isinstance(value, tuple(inner)):
-        raise wrong_type_error(
-            location, value, " or ".join(f"a {member.__name__}" for member in inner)
-        )
-    return value
+    errors = []
+    for member in inner:
+        try:
+            return convert_value(member, value, location, build)
+        except ProblemError as error:
+            errors.append(error)
+    if len(errors) == 1:
+        raise errors[0]
+    raise wrong_type_error(location, value, " or ".join(str(error.allowed) for error in errors))
 
 
 def _convert_tuple(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -26,7 +26,8 @@ from ssm_planner.formats import (
 )
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan, as_plan
-from ssm_planner.problem import JOINTS, Controller, Robot
+from ssm_planner.problem import JOINTS, Bound, Controller, Robot, Value
+from ssm_planner.problem.value import NotNegative, Positive, Share
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.simulation.draws import Draws, draw_frictions, play_draws
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
@@ -69,8 +70,8 @@ EVERYWHERE: Literal["everywhere"] = "everywhere"
 """Value of `Scenario.power_loss` that simulates a loss of power at many instants."""
 
 
-@frozen
-class Scenario:
+@record
+class Scenario(Value):
     """Conditions and disturbances of the simulated execution of a plan (playback).
 
     All of them can be combined, except random friction (`draws`) with a payload that the arm picks
@@ -84,33 +85,33 @@ class Scenario:
     True
     """
 
-    speed: float = 1.0
+    speed: Share = 1.0
     """Speed of the simulated motion, as a fraction of the planned speed."""
-    payload: float = 0.0
+    payload: NotNegative = 0.0
     """Point mass at the tip, kg."""
-    payload_time: float = 0.0
+    payload_time: NotNegative = 0.0
     """Time at which the payload is picked up, s."""
-    power_loss: float | Literal["everywhere"] | None = None
+    power_loss: NotNegative | Literal["everywhere"] | None = None
     """Time at which all drives lose their power, s.
 
     "everywhere" simulates a loss at many instants. With None, the drives lose their power after
     they have held the target for `HOLDING_TIME`.
     """
-    instants: int = 1000
+    instants: Annotated[int, Bound(at_least=1)] = 1000
     """Number of instants for `power_loss="everywhere"`."""
-    stall: tuple[str, float] | None = None
+    stall: tuple[str, NotNegative] | None = None
     """Joint whose motor is blocked, and the time at which it is blocked, s."""
-    supply: float | None = None
+    supply: Positive | None = None
     """Supply voltage, V. None means the voltage of the controller."""
-    friction: float = 1.0
+    friction: Annotated[float, Bound(above=0.0, at_most=10.0)] = 1.0
     """Factor on the friction of every drive."""
-    dropped: float | None = None
+    dropped: NotNegative | None = None
     """Time at which every drive misses one set point and repeats the last one, s."""
     wrong_direction: str | None = None
     """Joint whose controller has the opposite direction of rotation to that of the robot file."""
-    compliance: float = 1.0
+    compliance: Positive = 1.0
     """Factor on the stiffness and the damping between motor and joint."""
-    draws: int = 0
+    draws: Annotated[int, Bound(at_least=0, at_most=100_000)] = 0
     """Number of additional playbacks, each with friction that is drawn at random.
 
     The distribution of the friction parameters comes from the drive files.
@@ -120,14 +121,10 @@ class Scenario:
 
     None keeps these parameters at the values of the drive file.
     """
-    tip_error: float = DEFAULT_TIP_ERROR
+    tip_error: NotNegative = DEFAULT_TIP_ERROR
     """Largest permitted tip error, m."""
-    travel: float | None = None
+    travel: NotNegative | None = None
     """Largest permitted travel of the tip after a loss of power, m. None permits any travel."""
-
-    def __post_init__(self) -> None:
-        if self.power_loss is not None and self.power_loss != EVERYWHERE:
-            object.__setattr__(self, "power_loss", float(self.power_loss))
 
     def check(self, robot: Robot, duration: float) -> None:
         """Check the values of the scenario, and that they fit the robot and the motion.
@@ -144,7 +141,6 @@ class Scenario:
         ProblemError
             If a value is out of range, a joint has no drive, or an instant is outside the motion.
         """
-        self._check_ranges()
         driven = [joint.name for joint in robot.joints if joint.drive is not None]
         stalled_joint, stall_time = self.stall or (None, None)
         joints = {"stall": stalled_joint, "wrong_direction": self.wrong_direction}
@@ -168,33 +164,11 @@ class Scenario:
                     "outside the motion", key=key, value=time, allowed=f"0 s to {duration:.4g} s"
                 )
 
-    def _check_ranges(self) -> None:
-        """Check that every value is in its range and that the values can be combined.
-
-        Raises
-        ------
-        ProblemError
-            If a value is out of range, or if random friction is combined with a payload that the
-            arm picks up during the motion.
-        """
-        spread = 0.0 if self.spread is None else self.spread
-        ranges = (
-            ("speed", 0 < self.speed <= 1, "above 0 and up to 1 (100 %)"),
-            ("draws", 0 <= self.draws <= 100_000, "0 to 100 000"),
-            ("spread", 0 <= spread < 1, "at least 0 and below 1"),
-            ("friction", 0 < self.friction <= 10, "above 0 and up to 10"),
-            ("tip_error", self.tip_error >= 0, "at least 0"),
-            ("travel", self.travel is None or self.travel >= 0, "at least 0"),
-        )
-        for key, is_valid, allowed in ranges:
-            if not is_valid:
-                raise ProblemError(
-                    "out of range", key=key, value=getattr(self, key), allowed=allowed
-                )
+    def _check(self) -> None:
+        if self.spread is not None and not 0 <= self.spread < 1:
+            raise self._field_error("spread", "out of range", "at least 0 and below 1")
         if self.draws and self.payload and self.payload_time > 0:
-            raise ProblemError(
-                "not possible with draws", key="payload_time", value=self.payload_time, allowed="0"
-            )
+            raise self._field_error("payload_time", "not possible with draws", "0")
 
 
 @frozen
@@ -440,8 +414,7 @@ def simulate(
     plan = as_plan(plan, robot)
     scenario = scenario or Scenario()
     controller = controller or Controller()
-    duration = plan.motion.duration / scenario.speed if scenario.speed > 0 else 0.0
-    scenario.check(plan.robot, duration)
+    scenario.check(plan.robot, plan.motion.duration / scenario.speed)
     if scenario.supply is not None:
         controller = replace(controller, supply=scenario.supply)
     if scenario.speed != 1.0:

@@ -86,7 +86,7 @@ def test_options_combine(capsys):
         (["--speed", "fast"], ["--speed", "10%"]),
         (["--speed", "0%"], ["speed", "above 0"]),
         (["--payload", "3"], ["--payload", "without a unit"]),
-        (["--instants", "0"], ["--instants", "1 or more"]),
+        (["--instants", "0"], ["--instants = 0", "at least 1"]),
         (["--controller", "none.yaml"], ["none.yaml", "no such file"]),
     ],
 )

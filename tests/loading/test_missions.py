@@ -95,7 +95,7 @@ def test_the_robot_of_one_problem() -> None:
             {"points": {"above": ABOVE}},
             "motion[0].free.to = abve: unknown name of a point",
         ),
-        ({"free": {"to": "above"}}, {}, "a text instead of a mapping"),
+        ({"free": {"to": "above"}}, {}, "unknown name of a point"),
         ({"dwell": "1 s"}, {"points": {"above": 3}}, "points.above = 3: not a mapping of names"),
         ({"dwell": "1 s"}, {"points": [1]}, "points = [1]: not a mapping of names to points"),
         (

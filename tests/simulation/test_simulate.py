@@ -351,12 +351,9 @@ def test_recordings_are_read_back(nominal, plan, tmp_path):
 @pytest.mark.parametrize(
     "scenario",
     [
-        Scenario(speed=0.0),
-        Scenario(friction=-1.0),
         Scenario(stall=("spin", 1.0)),
         Scenario(power_loss=99.0),
         Scenario(wrong_direction="elbow"),
-        Scenario(payload=-1.0),
     ],
 )
 def test_an_impossible_scenario_is_refused(plan, scenario):
