@@ -11,8 +11,7 @@ friction has a statistical distribution.
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -746,7 +745,8 @@ def _demand_ranges(
     Returns
     -------
     iterator of (largest, smallest)
-        Arrays (3, m) of the demands for each chain.
+        Arrays (3, m) of the demands for each chain. The smallest peaks are lower bounds, and they
+        are exact wherever an answer depends on it.
     """
     load = case.load
     inertias = np.array([[shaft_inertia(chain, x) for x in motor_data.motors] for chain in chains])
@@ -755,18 +755,14 @@ def _demand_ranges(
     factors_of = [(head.forwards, head.ratio) for head in heads if head is not None]
     forwards, ratio = np.array([(1.0, 1.0), *factors_of]).T[..., None]
     ones = np.ones(friction.shape[:2])
-    demands = []
-    for corner in case.spread.corners():
-        parts = _torque_parts(load, corner)
-        # The mean square of Σ f_i part_i is fᵀ P f with the mean products P of the parts.
-        products = parts[:3] * load.weight @ parts[:3].T
-        extremes = np.ascontiguousarray(parts[:, _extreme_instants(parts)])
-        # The first entry is the smallest inertia of each pair, and the second is the largest.
-        for inertia in np.moveaxis(np.unique(inertias, axis=2), 2, 0):
-            factors = np.stack([forwards * ones, ratio * inertia, friction[..., 1]], axis=-1)
-            rms = np.sqrt(np.maximum(np.sum(factors @ products * factors, axis=-1), 0.0))
-            peak, volts = _peak_demands(extremes, factors, ratio * ones, motor_data)
-            demands.append([peak, rms, volts])
+    # The first entry is the smallest inertia of each pair, and the second is the largest.
+    factors = np.array(
+        [
+            np.stack([forwards * ones, ratio * inertia, friction[..., 1], 0 * ones], axis=-1)
+            for inertia in np.moveaxis(np.unique(inertias, axis=2), 2, 0)
+        ]
+    )
+    corners = CornerTorques(load, case.spread.corners())
     # The demands are convex in the inertia, so between its ends they fall by at most half of its
     # width times |ẇ|. The friction changes them at most by the width of its range.
     half_width = ratio * np.diff(inertias)[..., 0] / 2
@@ -775,50 +771,137 @@ def _demand_ranges(
     torque_drop = half_width * wd.max() + width
     rms_drop = half_width * float(load.rms(wd)) + width
     voltage_drop = torque_drop * motor_data.balance[:, 1, 0]
-    lowest = np.min(demands, axis=0) - [torque_drop, rms_drop, voltage_drop]
-    return zip(
-        np.max(demands, axis=0).swapaxes(0, 1),
-        np.maximum(lowest, 0.0).swapaxes(0, 1),
-        strict=True,
-    )
+    torque_limit = motor_data.limit("torque") + torque_drop
+    peak, least_peak = corners.peaks([factors], corners.torque_extremes, torque_limit)
+    # The voltage is the larger one of the cold and the hot motor.
+    per_speed = np.array([0.0, 0.0, 0.0, 1.0]) * ratio[..., None]
+    of_states = [
+        a[:, None] * factors + b[:, None] * per_speed
+        for a, b in np.moveaxis(motor_data.balance, 0, 2)
+    ]
+    voltage_limit = motor_data.limit("voltage") + voltage_drop
+    volts, least_volts = corners.peaks(of_states, corners.extremes, voltage_limit)
+    rms = corners.rms(factors)
+    largest = np.stack([peak, rms.max(axis=(0, 1)), volts], axis=1)
+    smallest = np.stack([least_peak, rms.min(axis=(0, 1)), least_volts], axis=1)
+    drops = np.stack([torque_drop, rms_drop, voltage_drop], axis=1)
+    return zip(largest, np.maximum(smallest - drops, 0.0), strict=True)
 
 
-def _torque_parts(load: JointLoad, corner: Keywords) -> Array:
-    """Compute four quantities whose linear combinations are the torques and voltages of all motors.
+class CornerTorques:
+    """Torques of one gear at all corners, from which the peaks of all motors are computed.
 
-    Parameters
+    The torques and voltages of all motors are linear combinations of four parts: the torque of the
+    gear without inertia, and the acceleration, the direction and the speed of its shaft. At each
+    instant, the first part lies between its smallest and its largest value over all corners. These
+    two ends give the largest peak exactly, and a lower bound of the smallest peak.
+
+    Attributes
     ----------
-    load : JointLoad
-        Load of the joint with the gear, at n instants.
-    corner : dict
-        Values of the friction parameters with a stated range, by name.
-
-    Returns
-    -------
-    (4, n) array
-        Torque of the gear without inertia on its shaft (N·m), acceleration of the shaft (rad/s²) or
-        0 while the drive rests, direction of motion (±1 or 0), and speed of the shaft (rad/s).
+    extremes : (4, v) array
+        Parts at the instants and ends at which a combination of all parts can be extreme.
+    torque_extremes : (4, u) array
+        The same for combinations without the speed, which need fewer instants.
     """
-    drive = drive_with_values(load.drive, {**corner, "input_inertia": 0.0})
-    turning = load.acceleration() * (load.direction != 0)
-    return np.stack([replace(load, drive=drive).torque(), turning, load.direction, load.speed()])
+
+    def __init__(self, load: JointLoad, corners: Sequence[Keywords]) -> None:
+        """Evaluate the torques and select the instants that can be extreme.
+
+        Parameters
+        ----------
+        load : JointLoad
+            Load of the joint with the gear, at n instants.
+        corners : sequence of dict
+            Combinations (c) of the ends of the friction parameters with a stated range, by name.
+        """
+        drives = (drive_with_values(load.drive, {**x, "input_inertia": 0.0}) for x in corners)
+        self._torques = np.array([replace(load, drive=drive).torque() for drive in drives])
+        turning = load.acceleration() * (load.direction != 0)
+        self._motion = np.stack([turning, load.direction, load.speed()])
+        self._weight = load.weight
+        ends = [
+            np.vstack([end, self._motion])
+            for end in (self._torques.min(axis=0), self._torques.max(axis=0))
+        ]
+        both = np.hstack(ends)
+        self.extremes = both[:, _extreme_instants(both)]
+        self._least, self._most = (end[:, _extreme_instants(end[:3])] for end in ends)
+        self.torque_extremes = np.hstack([self._least, self._most])
+
+    def rms(self, factors: Array) -> Array:
+        """Compute the RMS torques of all motors.
+
+        Parameters
+        ----------
+        factors : (e, k, m, 4) array
+            Factors of the four parts.
+
+        Returns
+        -------
+        (c, e, k, m) array
+            RMS torques at every corner, N·m.
+        """
+        parts = (np.vstack([torque, self._motion]) for torque in self._torques)
+        # The mean square of Σ f_i part_i is fᵀ P f with the mean products P of the parts.
+        products = [part * self._weight @ part.T for part in parts]
+        squares = [np.sum(factors @ product * factors, axis=-1) for product in products]
+        return np.sqrt(np.maximum(squares, 0.0))
+
+    def peaks(self, states: Sequence[Array], parts: Array, limit: Array) -> tuple[Array, Array]:
+        """Compute the largest and the smallest peak of a torque or voltage over all corners.
+
+        Parameters
+        ----------
+        states : sequence of (e, k, m, 4) arrays
+            Factors of the four parts for each state of the motor. The axes are the e ends of the
+            inertia's range, the k chains and the m motors. The factors of the torque are positive.
+        parts : (4, v) array
+            `extremes` or `torque_extremes`.
+        limit : (k, m) array
+            Limit with which the smallest peak is compared. NaN if not known.
+
+        Returns
+        -------
+        largest, smallest : (k, m) arrays
+            The peaks, N·m or V. The smallest one is a lower bound if this bound exceeds the limit
+            or if the largest one keeps it.
+        """
+        peak = np.max([_largest(np.abs, factors, parts).max(axis=0) for factors in states], axis=0)
+        # At every instant, the smallest magnitude over all corners is at least the value with the
+        # smallest torque, and at least minus the value with the largest torque.
+        bounds = [
+            np.maximum(
+                _largest(np.positive, factors, self._least),
+                _largest(np.negative, factors, self._most),
+            ).min(axis=0)
+            for factors in states
+        ]
+        smallest = np.max(bounds, axis=0)
+        is_open = (peak > limit) & (smallest <= limit * (1 + 2 * MARGIN_TOLERANCE))
+        for k, m in np.argwhere(is_open):
+            rows = np.array([factors[:, k, m] for factors in states])
+            values = (
+                rows[..., :1, None] * self._torques + (rows[..., 1:] @ self._motion)[:, :, None]
+            )
+            smallest[k, m] = np.abs(values).max(axis=(0, 3)).min()
+        return peak, smallest
 
 
 def _extreme_instants(parts: Array) -> Indices:
     """Find the instants at which a linear combination of the torque parts can be extreme.
 
     A linear function on a set of points is largest at a vertex of their convex hull. The vertices
-    are much fewer than the instants, so the peaks of all motors can be computed from them alone.
+    are fewer than the instants, so the peaks of all motors can be computed from them alone.
 
     Parameters
     ----------
-    parts : (4, n) array
-        Torque without inertia, acceleration, direction and speed, as `_torque_parts` returns them.
-        The hull is computed separately for each direction of motion.
+    parts : (p, n) array
+        Values of the parts, see `CornerTorques`. The third one is the direction. The hull is
+        computed separately for each direction of motion.
 
     Returns
     -------
-    (vertices,) array of int
+    (v,) array of int
         Indices of the instants. If a direction has too few instants for a hull, all its distinct
         ones are included.
     """
@@ -828,64 +911,38 @@ def _extreme_instants(parts: Array) -> Indices:
     indices = []
     for sign in np.unique(direction):
         (members,) = np.nonzero(direction == sign)
-        points, first_occurrences = np.unique(parts[:, members], axis=1, return_index=True)
-        members = members[first_occurrences]
-        points = points[np.ptp(points, axis=1) > 0]
-        with suppress(QhullError, ValueError):  # too few points for a hull
-            points = points / np.abs(points).max(axis=1, keepdims=True)
+        points = parts[:, members]
+        varying = points[np.ptp(points, axis=1) > 0]
+        try:
+            varying = varying / np.abs(varying).max(axis=1, keepdims=True)
             # The option QJ moves the points slightly, so that points in one plane have a hull.
-            members = members[ConvexHull(points.T, qhull_options="QJ").vertices]
-        indices.append(members)
+            hull = ConvexHull(varying.T, qhull_options="QJ")
+            indices.append(members[hull.vertices])
+        except (QhullError, ValueError):  # too few points or dimensions for a hull
+            _, distinct = np.unique(points, axis=1, return_index=True)
+            indices.append(members[distinct])
     return np.concatenate(indices)
 
 
-def _peak_demands(
-    extremes: Array, factors: Array, ratio: Array, motor_data: _MotorData
-) -> tuple[Array, Array]:
-    """Compute the peak torque and the peak voltage of every motor with every chain.
+def _largest(sign: Callable[[Array], Array], factors: Array, parts: Array) -> Array:
+    """Compute the largest value or magnitude over n instants of each combination of parts.
 
     Parameters
     ----------
-    extremes : (4, n) array
-        Parts of the torque and the speed, see `_torque_parts`, at the instants that can be extreme.
-    factors : (k, m, 3) array
-        Factors of the first three parts, whose sum is the torque of motor m with chain k.
-    ratio : (k, m) array
-        Speed of the motor divided by the speed of the gear's shaft.
-    motor_data : _MotorData
-        Data of the motors (m).
-
-    Returns
-    -------
-    torques, voltages : (k, m) arrays
-        Largest magnitudes (N·m and V). The voltage is the larger one of the cold and the hot motor.
-    """
-    per_state = np.moveaxis(motor_data.balance, 0, 2)
-    volts = [
-        _largest_magnitudes(np.dstack([per_torque[:, None] * factors, per_speed * ratio]), extremes)
-        for per_torque, per_speed in per_state
-    ]
-    return _largest_magnitudes(factors, extremes[:3]), np.max(volts, axis=0)
-
-
-def _largest_magnitudes(factors: Array, parts: Array) -> Array:
-    """Compute the largest magnitude over n instants of each linear combination of parts.
-
-    Parameters
-    ----------
-    factors : (k, m, p) array
-        Factors of the p parts for each chain k and motor m.
+    sign : callable
+        Function of the values whose largest result is wanted, for example `numpy.abs`.
+    factors : (e, k, m, p) array
+        Factors of the p parts for each end of the inertia, chain and motor.
     parts : (p, n) array
         Values of the parts at each instant.
 
     Returns
     -------
-    (k, m) array
-        Largest |factors @ parts|.
+    (e, k, m) array
+        Largest values of `sign(factors @ parts)`.
     """
-    # The torques of one chain fit into the processor's cache.
-    torques = (np.einsum("mp,pn->mn", chain_factors, parts) for chain_factors in factors)
-    return np.array([np.abs(torque).max(axis=1) for torque in torques])
+    # The values of one chain fit into the processor's cache.
+    return np.array([[sign(motors @ parts).max(axis=1) for motors in chains] for chains in factors])
 
 
 def _heat_answers(

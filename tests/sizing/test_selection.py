@@ -13,13 +13,19 @@ import numpy as np
 import pytest
 
 from ssm_planner.cli import main
+from ssm_planner.dynamics import drive_with_values
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.catalogues import CatalogueEntry, drives_with_gears, read_motors
 from ssm_planner.loading.load import load_robot
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
-from ssm_planner.sizing.selection import energy_to_bus, load_inertias, select_motors
+from ssm_planner.sizing.selection import (
+    CornerTorques,
+    energy_to_bus,
+    load_inertias,
+    select_motors,
+)
 from tests.support.paths import PROBLEMS
 from tests.support.sizing_cases import COMPLETE, random_trajectory, with_covariance
 
@@ -92,6 +98,38 @@ def test_every_pair_has_the_verdict_and_the_margins_of_size(duty, motors, condit
                         check.margin, rel=1e-9, abs=1e-9
                     )
     assert len(answers) > 1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_peaks_over_all_corners_are_those_of_a_search_through_all_corners(duty, seed):
+    """The smallest peak is exact wherever it decides, and a lower bound elsewhere."""
+    rng = np.random.default_rng(seed)
+    load = duty.loads()[seed % 3]
+    ranges = {"mu": (0.02, 0.3), "b_c": (0.0, 2e-3), "b_v": (0.0, 1e-5)}
+    corners = [{name: rng.uniform(*ends) for name, ends in ranges.items()} for _ in range(5)]
+    share = rng.uniform(0.1, 1.0, (2, 3, 4))
+    inertia = rng.uniform(0.0, 3e-6, (2, 3, 4))
+    friction = np.broadcast_to(rng.uniform(0.0, 3e-3, (3, 4)), (2, 3, 4))
+    factors = np.stack([share, inertia, friction, rng.uniform(0.0, 1e-4, (2, 3, 4))], axis=-1)
+    states = [factors, factors * [1.3, 1.3, 1.3, 0.8]]
+    motion = [load.acceleration() * (load.direction != 0), load.direction, load.speed()]
+    peaks = []
+    for corner in corners:
+        drive = drive_with_values(load.drive, {**corner, "input_inertia": 0.0})
+        parts = np.stack([replace(load, drive=drive).torque(), *motion])
+        peaks.append([np.abs(state @ parts).max(axis=-1) for state in states])
+    by_corner = np.max(peaks, axis=1)
+    exact = by_corner.min(axis=(0, 1))
+    limit = exact * rng.uniform(0.9, 1.1, (3, 4))
+    torques = CornerTorques(load, corners)
+    largest, smallest = torques.peaks(states, torques.extremes, limit)
+    assert largest == pytest.approx(by_corner.max(axis=(0, 1)), rel=1e-12)
+    assert np.all(smallest <= exact * (1 + 1e-12))
+    is_above = largest > limit
+    assert np.any(is_above & (exact < limit))
+    assert np.array_equal((smallest > limit)[is_above], (exact > limit)[is_above])
+    is_reached = is_above & (exact <= limit)
+    assert smallest[is_reached] == pytest.approx(exact[is_reached], rel=1e-12)
 
 
 def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_them(duty, motors):
