@@ -84,7 +84,9 @@ class LimitCheck:
     """
 
     @classmethod
-    def from_extreme(cls, limit: Limit, worst: float, time: float) -> "LimitCheck":
+    def from_extreme(
+        cls, limit: Limit, worst: float, time: float, case: str | None = None
+    ) -> "LimitCheck":
         """Build the result of a limit that has only an upper bound.
 
         Parameters
@@ -95,6 +97,8 @@ class LimitCheck:
             Largest magnitude, in the unit of the limit.
         time : float
             Time of the largest magnitude, s.
+        case : str, optional
+            The attribute `case`.
 
         Returns
         -------
@@ -110,6 +114,7 @@ class LimitCheck:
             margin=(bound - worst) / bound,
             time=time,
             unit=limit.unit,
+            case=case,
         )
 
     @property

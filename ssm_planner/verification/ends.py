@@ -5,7 +5,6 @@ follow a jump there. A motion must also start and end at rest unless the task de
 its ends. `check` calls `JumpRecorder` and `check_end_velocities` for every motion.
 """
 
-from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -193,16 +192,14 @@ def declared_end_velocities(
     start, end : (4,) arrays
         Joint velocities, rad/s, and m/s for joint 4.
     """
-    start, end = end_velocities(trajectory)
-    if limits.start_rate is not None:
-        start = _joint_velocity_from_task_rates(
-            trajectory, robot, limits.start_rate, trajectory.breaks[0]
-        )
-    if limits.end_rate is not None:
-        end = _joint_velocity_from_task_rates(
-            trajectory, robot, limits.end_rate, trajectory.breaks[-1]
-        )
-    return start, end
+    velocities = list(end_velocities(trajectory))
+    positions = trajectory.positions(trajectory.breaks[[0, -1]])
+    for k, rate in enumerate((limits.start_rate, limits.end_rate)):
+        if rate is not None:
+            task_rate = np.array([rate.get(name, 0.0) for name in TASK_COORDINATES])
+            mechanism = Mechanism.from_robot(robot)
+            velocities[k] = joint_rates(mechanism, positions[k], task_rate)
+    return velocities[0], velocities[1]
 
 
 def check_end_velocities(
@@ -245,30 +242,3 @@ def check_end_velocities(
             time = float(trajectory.breaks[-1 if end else 0])
             checks.append(LimitCheck.from_extreme(limit, deviation, time))
     return checks
-
-
-def _joint_velocity_from_task_rates(
-    trajectory: Trajectory, robot: Robot, rate: Mapping[str, float], t: float
-) -> Array:
-    """Convert rates of task coordinates into joint velocities.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The motion, which determines the joint positions.
-    robot : Robot
-        Robot with its kinematics.
-    rate : mapping of str to float
-        Rates of task coordinates by name, rad/s, and m/s for the depth. Other coordinates have the
-        rate 0.
-    t : float
-        Instant in the motion, s.
-
-    Returns
-    -------
-    (4,) array
-        Joint velocities, rad/s, and m/s for joint 4.
-    """
-    q = trajectory.positions(np.array([t]))[0]
-    task_rate = np.array([rate.get(name, 0.0) for name in TASK_COORDINATES])
-    return joint_rates(Mechanism.from_robot(robot), q, task_rate)

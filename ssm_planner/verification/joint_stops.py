@@ -94,8 +94,7 @@ def compute_joint_stops(
         _earliest_stop(motion, instants, stops, int(i)) for i in instants.searchsorted(times)
     ]
     sizes = [len(lengths) for lengths, _ in selected_stops]
-    lengths = np.concatenate([lengths for lengths, _ in selected_stops])
-    coefficients = np.concatenate([coefficients for _, coefficients in selected_stops])
+    lengths, coefficients = map(np.concatenate, zip(*selected_stops, strict=True))
     return lengths, coefficients, np.append(0, np.cumsum(sizes))
 
 
@@ -297,8 +296,7 @@ def _limit_excesses(stops: list[StopPieces], robot: Robot, limits: TaskLimits) -
     excess = np.full(len(stops), -np.inf)
     if not any(counts):
         return excess
-    lengths = np.concatenate([lengths for lengths, _ in stops])
-    coefficients = np.concatenate([coefficients for _, coefficients in stops])
+    lengths, coefficients = map(np.concatenate, zip(*stops, strict=True))
     joined = Trajectory(np.append(0.0, np.cumsum(lengths)), coefficients, ())
     index = np.repeat(np.arange(len(lengths)), len(LIMIT_SAMPLE_FRACTIONS))
     samples = joined.sample_pieces(index, np.outer(lengths, LIMIT_SAMPLE_FRACTIONS).ravel())

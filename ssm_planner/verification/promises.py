@@ -203,7 +203,9 @@ def check_table_lines(
     if promise.retina is None:
         departure = _check_promise(motion, mechanism, promise).checks[0]
         checks.append(
-            _phase_result(PathDeparture(allowed), promise, departure.worst, departure.time)
+            LimitCheck.from_extreme(
+                PathDeparture(allowed), departure.worst, departure.time, span.name
+            )
         )
     else:
         names.append(PathDeparture.name)
@@ -499,7 +501,7 @@ def _task_line_points(mechanism: Mechanism, start: Array, end: Array, s: Array) 
     (n, 3) array
         Tip positions, m.
     """
-    return tip_from_task(mechanism, start + s[:, None] * (end - start))
+    return tip_from_task(mechanism, _line_points(start, end, s))
 
 
 def _line_points(start: Array, end: Array, s: Array) -> Array:
@@ -723,49 +725,22 @@ def _check_departure(
         left the lines.
     """
     # Distances from the corners as multiples of the radii of their zones, (n, corners).
-    shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / np.array(
-        promise.corner_distances
-    )
-    outside = np.all(
-        shares * promise.corner_distances > np.array(promise.corner_distances) + CORNER_SLACK,
-        axis=1,
-    )
+    radii = np.array(promise.corner_distances)
+    shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / radii
+    outside = np.all(shares * radii > radii + CORNER_SLACK, axis=1)
     distances_away = np.where(outside, distances, 0.0)
     k = int(np.argmax(distances_away))
-    checks = [
-        _phase_result(PathDeparture(PATH_TOLERANCE), promise, float(distances_away[k]), float(t[k]))
-    ]
+    departure = float(distances_away[k]), float(t[k])
+    phase = promise.span.name
+    checks = [LimitCheck.from_extreme(PathDeparture(PATH_TOLERANCE), *departure, phase)]
     if promise.corner_distances:
         nearest_corner = np.argmin(shares, axis=1)
         k = int(np.argmax(np.where(distances > LINE_DEPARTURE, shares.min(axis=1), 0.0)))
         allowed = promise.corner_distances[int(nearest_corner[k])]
         reach = allowed * float(shares[k].min()) if distances[k] > LINE_DEPARTURE else 0.0
-        checks.append(_phase_result(CornerRounding(allowed), promise, reach, float(t[k])))
+        rounding = CornerRounding(allowed)
+        checks.append(LimitCheck.from_extreme(rounding, reach, float(t[k]), phase))
     return checks
-
-
-def _phase_result(
-    limit: PathRequirement, promise: PathPromise, value: float, time: float
-) -> LimitCheck:
-    """Build the result of a requirement on the path of the tip in one phase.
-
-    Parameters
-    ----------
-    limit : PathRequirement
-        The requirement with its limit.
-    promise : PathPromise
-        The phase, whose name becomes the case of the result.
-    value : float
-        Worst value, in the unit of the requirement.
-    time : float
-        Time of the worst value, s.
-
-    Returns
-    -------
-    LimitCheck
-        The result.
-    """
-    return replace(LimitCheck.from_extreme(limit, value, time), case=promise.span.name)
 
 
 def _check_required_value(

@@ -86,12 +86,11 @@ def _proof_from_claim(claim: dict[str, Any]) -> Proof:
     Proof
         The proof.
     """
-    unbounded = {
-        name: None
+    values: dict[str, Any] = {
+        name: None if isinstance(value, float) and not isfinite(value) else value
         for name, value in claim.items()
-        if isinstance(value, float) and not isfinite(value)
     }
-    return Proof(**{**claim, **unbounded})
+    return Proof(**values)
 
 
 def _program_path() -> Path:

@@ -26,7 +26,6 @@ the limit, until none is left. According to the brackets, no other interval cont
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 
 import casadi as ca
@@ -156,7 +155,6 @@ class SampledExtremes:
         """
         self.robot = robot
         self.rate = rate
-        self.eye = eye
         self.worst_values = [item for item in extremes if item.quantity.order is None]
         self.quantities = tuple(item.quantity for item in self.worst_values)
         keys = tuple(
@@ -519,10 +517,10 @@ class RmsTorques:
 
     Attributes
     ----------
+    torques : list of (int, LimitedQuantity)
+        The motor torques with their indices among the quantities.
     columns : list of int
-        Indices of the motor torques among the quantities.
-    joints : list of int
-        Index of the joint of each motor torque.
+        These indices.
     integrals : array
         ∫ τ² dt of each motor torque so far, N²·m²·s.
     """
@@ -535,11 +533,12 @@ class RmsTorques:
         quantities : sequence of LimitedQuantity
             The sampled quantities, in the order of their columns.
         """
-        self.columns = [
-            k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)
+        self.torques = [
+            (k, quantity)
+            for k, quantity in enumerate(quantities)
+            if isinstance(quantity.limit, MotorTorque)
         ]
-        self.joints = [quantities[k].index for k in self.columns]
-        self.cases = [quantities[k].case for k in self.columns]
+        self.columns = [k for k, _ in self.torques]
         self.integrals = np.zeros(len(self.columns))
 
     def needs_refinement(self, values: Array, duration: Array) -> Mask:
@@ -578,9 +577,10 @@ class RmsTorques:
         duration : (n,) array
             Durations of the intervals, s. Intervals with 0 add nothing.
         """
-        for i, (column, joint) in enumerate(zip(self.columns, self.joints, strict=True)):
+        for i, (column, quantity) in enumerate(self.torques):
             square = values[:, :, column] ** 2
-            mean = np.where(starting[:, joint], RADAU_WEIGHTS @ square, SIMPSON_WEIGHTS @ square)
+            starts = starting[:, quantity.index]
+            mean = np.where(starts, RADAU_WEIGHTS @ square, SIMPSON_WEIGHTS @ square)
             self.integrals[i] += (mean * duration).sum()
 
     def results(self, robot: Robot, trajectory: Trajectory, pause: float) -> list[LimitCheck]:
@@ -604,12 +604,12 @@ class RmsTorques:
             the motion.
         """
         checks = []
-        for i, case, integral in zip(self.joints, self.cases, self.integrals, strict=True):
-            limit = robot.joints[i].limit(ContinuousTorque)
+        end = float(trajectory.breaks[-1])
+        for (_, quantity), integral in zip(self.torques, self.integrals, strict=True):
+            limit = robot.joints[quantity.index].limit(ContinuousTorque)
             rms = float(np.sqrt(integral / (trajectory.duration + pause)))
-            result = LimitCheck.from_extreme(limit, rms, float(trajectory.breaks[-1]))
-            description = None if case is None else case.description
-            checks.append(replace(result, case=description))
+            case = None if quantity.case is None else quantity.case.description
+            checks.append(LimitCheck.from_extreme(limit, rms, end, case))
         return checks
 
 

@@ -91,13 +91,12 @@ class StopMotions:
     def motions(self) -> tuple[Trajectory | None, ...]:
         """The stop from each instant as a trajectory, or None if all joints rest at the instant."""
         lengths, coefficients = self.pieces
-        motions: list[Trajectory | None] = []
-        for start, end in pairwise(self.edges.tolist()):
-            stop = None
-            if start < end:
-                stop = _trajectory_from_pieces(lengths[start:end], coefficients[start:end].copy())
-            motions.append(stop)
-        return tuple(motions)
+        return tuple(
+            _trajectory_from_pieces(lengths[start:end], coefficients[start:end].copy())
+            if start < end
+            else None
+            for start, end in pairwise(self.edges.tolist())
+        )
 
     @property
     def joined(self) -> Trajectory | None:
@@ -246,28 +245,22 @@ def quickest_stops(
             first_pieces.append(int(break_index))
     starts = motion.breaks[first_pieces] - motion.breaks[0]
     legs = np.split(times, np.searchsorted(times, starts[1:]))
-    end_pieces = first_pieces[1:] + [len(motion.breaks) - 1]
-    stops = []
-    stop_times = []
-    for first_piece, end_piece, start, leg in zip(
-        first_pieces, end_pieces, starts, legs, strict=True
-    ):
+    piece_ranges = pairwise(first_pieces + [len(motion.breaks) - 1])
+    rows = []
+    for (first_piece, end_piece), start, leg in zip(piece_ranges, starts, legs, strict=True):
         breaks = motion.breaks[first_piece : end_piece + 1]
         leg_motion = Trajectory(breaks, motion.pieces(slice(first_piece, end_piece)), ())
-        leg_stops = _stops_of_leg(leg_motion, robot, leg - start)
-        stops.append(leg_stops)
-        stop_times.append(leg_stops.time + start)
-    sizes = np.concatenate([np.diff(leg_stops.edges) for leg_stops in stops])
+        stops = _stops_of_leg(leg_motion, robot, leg - start)
+        measures = stops.time + start, stops.duration, stops.travel
+        rows.append((*measures, *stops.pieces, np.diff(stops.edges)))
+    time, duration, travel, *pieces, sizes = map(np.concatenate, zip(*rows, strict=True))
     return StopMotions(
-        np.concatenate(stop_times),
-        np.concatenate([leg_stops.duration for leg_stops in stops]),
-        np.concatenate([leg_stops.travel for leg_stops in stops]),
-        (
-            np.concatenate([leg_stops.pieces[0] for leg_stops in stops]),
-            np.concatenate([leg_stops.pieces[1] for leg_stops in stops]),
-        ),
+        time,
+        duration,
+        travel,
+        (pieces[0], pieces[1]),
         edges=np.append(0, np.cumsum(sizes)),
-        ends_at_rest=stops[-1].ends_at_rest,
+        ends_at_rest=stops.ends_at_rest,
     )
 
 
