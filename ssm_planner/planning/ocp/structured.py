@@ -339,45 +339,68 @@ def _boundary_values(
     equalities : Equalities
         Equality constraints for given values that depend on several unknowns.
     """
-    n, m = structure.elements, structure.coordinates
-    # u and u̇ (2 m columns) at the starts of the n elements, and at the end of the motion, where all
-    # of them are given.
-    is_fixed = np.vstack([data.is_fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
-    state_values = np.vstack([data.lower[:, : 2 * m], data.end])
-    equalities: list[tuple[Any, Any, Any]] = []
-    if spline.kind == "hermite":
-        # The unknowns are u and u̇ at the n + 1 ends of the elements, in two rows for each end.
+    m = structure.coordinates
+    if spline.kind == "bspline":
+        free, values, equalities = _bspline_boundary_values(structure, spline, data)
+    else:
+        # The unknowns are u and u̇ at the n + 1 ends of the elements, in two rows for each end. All
+        # of them are given at the end of the motion.
+        is_fixed = np.vstack([data.is_fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
+        state_values = np.vstack([data.lower[:, : 2 * m], data.end])
         free = ~is_fixed.reshape(spline.rows, m)
         values = state_values.reshape(spline.rows, m)
-    else:
-        free = np.ones((spline.rows, m), dtype=bool)
-        values = np.zeros((spline.rows, m))
-        # The four coefficients of a coordinate in an element in which it rests are its position.
-        for k, i in np.argwhere(~structure.moving):
-            free[spline.rows_of_elements[k], i] = False
-            values[spline.rows_of_elements[k], i] = state_values[k, i]
-        # u is given at both ends of the motion. If u̇ and ü are 0 there, the three outermost
-        # coefficients are equal to u. Otherwise, only the outermost one is, and u̇ and ü become
-        # equality constraints. z contains u̇ only at the start of an element. At the end of the
-        # motion, the middle Bernstein coefficient of u̇ (entry 4 m + 1 of z) replaces it. Both are
-        # equal there, because ü = 0. The row n of `state_values` is the end of the motion.
-        # `rates` contains u̇ and ü.
-        for rows, k, rates, entries in (
-            ([0, 1, 2], 0, data.lower[0, m : 3 * m].reshape(2, m), (m, 2 * m)),
-            ([-1, -2, -3], n - 1, np.stack([data.end[m:], np.zeros(m)]), (4 * m + 1, 3 * m)),
-        ):
-            values[rows] = state_values[k + (k > 0), :m]
-            free[rows[0]] = False
-            is_moving = rates.any(axis=0)
-            free[rows[1:]] &= is_moving
-            equalities += [
-                (k, entry + i, rate[i])
-                for i in np.flatnonzero(is_moving)
-                for entry, rate in zip(entries, rates, strict=True)
-            ]
-        equalities += _via_equalities(structure, data)
+        equalities = []
     index, entry, value = np.array(equalities, dtype=float).reshape(-1, 3).T
     return free, values, (index.astype(int), entry.astype(int), value)
+
+
+def _bspline_boundary_values(
+    structure: NlpStructure, spline: Spline, data: NlpData
+) -> tuple[Array, Array, list[tuple[Any, Any, Any]]]:
+    """Convert the given values of a jerk-limited motion to values of the coefficients of B-splines.
+
+    Parameters
+    ----------
+    structure, spline, data
+        As for `_boundary_values`.
+
+    Returns
+    -------
+    free, values : (rows, m) arrays
+        As for `_boundary_values`.
+    equalities : list of (int, int, float)
+        Equality constraints: index of the element, index of the entry of its vector z, and value of
+        this entry.
+    """
+    n, m = structure.elements, structure.coordinates
+    free = np.ones((spline.rows, m), dtype=bool)
+    values = np.zeros((spline.rows, m))
+    # The four coefficients of a coordinate in an element in which it rests are its position.
+    for k, i in np.argwhere(~structure.moving):
+        free[spline.rows_of_elements[k], i] = False
+        values[spline.rows_of_elements[k], i] = data.lower[k, i]
+    equalities: list[tuple[Any, Any, Any]] = []
+    # u is given at both ends of the motion. If u̇ and ü are 0 there, the three outermost coefficients
+    # are equal to u. Otherwise, only the outermost one is, and u̇ and ü (in `rates`) become equality
+    # constraints. z contains u̇ only at the start of an element. At the end of the motion, the middle
+    # Bernstein coefficient of u̇ (entry 4 m + 1 of z) replaces it. Both are equal there, because
+    # ü = 0.
+    start_rates = data.lower[0, m : 3 * m].reshape(2, m)
+    end_rates = np.stack([data.end[m:], np.zeros(m)])
+    for rows, k, position, rates, entries in (
+        ([0, 1, 2], 0, data.lower[0, :m], start_rates, (m, 2 * m)),
+        ([-1, -2, -3], n - 1, data.end[:m], end_rates, (4 * m + 1, 3 * m)),
+    ):
+        values[rows] = position
+        free[rows[0]] = False
+        is_moving = rates.any(axis=0)
+        free[rows[1:]] &= is_moving
+        equalities += [
+            (k, entry + i, rate[i])
+            for i in np.flatnonzero(is_moving)
+            for entry, rate in zip(entries, rates, strict=True)
+        ]
+    return free, values, equalities + _via_equalities(structure, data)
 
 
 def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, Any, Any]]:
