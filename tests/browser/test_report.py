@@ -362,7 +362,7 @@ def test_the_fold_says_what_happens_and_whether_it_may(visit: Open, report: Path
     """
     page = visit(report.as_uri()).page
     assert page.inner_text(".lead").startswith("Tilts −85° → −135°, inserts 20 mm in 3.")
-    assert "limited by the speed of joints 1, 2 and 4" in page.inner_text(".lead")
+    assert "limited by the speed of tilt and insertion" in page.inner_text(".lead")
     for place in (
         ".lead",
         ".cards",

@@ -13,6 +13,7 @@ import numpy as np
 from ssm_planner.display import MISSING_VALUE, format_fixed, format_number
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem import (
+    JOINTS,
     JUMP_NAMES,
     TASK_COORDINATES,
     Joint,
@@ -352,7 +353,7 @@ def _limiting_text(plan: Plan, panels: list[Panel]) -> str:
     Returns
     -------
     str
-        Text such as "the tip speed and the speed of joint 2". Empty if no limit is named.
+        Text such as "the tip speed and the speed of tilt". Empty if no limit is named.
     """
     times: dict[str, dict[int, float]] = {}
     for panel in panels:
@@ -362,18 +363,17 @@ def _limiting_text(plan: Plan, panels: list[Panel]) -> str:
             if not name.endswith(("range", "position", "clearance")):
                 by_joint = times.setdefault(name, {})
                 by_joint[joint] = by_joint.get(joint, 0.0) + interval["end"] - interval["start"]
-    active_times = {name: max(by_joint.values()) for name, by_joint in times.items()}
-    names = [
-        name
-        for name, time in active_times.items()
-        if time > MIN_ACTIVE_FRACTION * plan.motion.duration
-    ]
-    names.sort(key=lambda name: -active_times[name])
-    return " and ".join(_limit_text(name, sorted(times[name])) for name in names[:2])
+    shortest = MIN_ACTIVE_FRACTION * plan.motion.duration
+    joints = {
+        name: [joint for joint, time in sorted(by_joint.items()) if time > shortest]
+        for name, by_joint in times.items()
+    }
+    names = sorted(filter(joints.get, times), key=lambda name: -max(times[name].values()))
+    return " and ".join(_limit_text(name, joints[name]) for name in names[:2])
 
 
 def _limit_text(name: str, joints: list[int]) -> str:
-    """Name a limit together with the numbers of its joints, such as “the speed of joint 2”.
+    """Name a limit together with its joints, such as “the speed of roll and tilt”.
 
     Parameters
     ----------
@@ -390,10 +390,9 @@ def _limit_text(name: str, joints: list[int]) -> str:
     quantity = "speed" if name == "velocity" else name
     if name not in JOINT_LIMITS:
         return f"the {quantity}"
-    numbers = [str(i + 1) for i in joints]
-    if len(numbers) == 1:
-        return f"the {quantity} of joint {numbers[0]}"
-    return f"the {quantity} of joints {', '.join(numbers[:-1])} and {numbers[-1]}"
+    *first_names, last_name = (JOINTS[i] for i in joints)
+    first_text = f"{', '.join(first_names)} and " if first_names else ""
+    return f"the {quantity} of {first_text}{last_name}"
 
 
 def _is_spot(phase: PhaseSummary) -> bool:
@@ -557,7 +556,7 @@ def _motion_table(plan: Plan) -> Table:
 
 
 def _target_text(motion: JsonObject) -> str:
-    """Format the target or the duration of an entry of the motion list.
+    """Format the target and the duration of an entry of the motion list.
 
     Parameters
     ----------
@@ -568,10 +567,8 @@ def _target_text(motion: JsonObject) -> str:
     Returns
     -------
     str
-        Text such as "tilt −85°, depth 20 mm".
+        Text such as "tilt −85°, depth 20 mm, in 3 s", or "2 s" for a pause.
     """
-    if motion.get("duration") is not None:
-        return f"{motion['duration']:g} s"
     target = motion.get("target") or {}
     values = dict(target.get("task") or {})
     values |= zip(LENGTH_COORDINATES, target.get("tip") or (), strict=False)
@@ -580,6 +577,8 @@ def _target_text(motion: JsonObject) -> str:
     for name, value in values.items():
         unit, scale = display_unit("m" if name in LENGTH_COORDINATES else "rad", "°")
         texts.append(f"{name} {format_number(scale * value, 6)} {unit}")
+    if motion.get("duration") is not None:
+        texts.append(f"in {motion['duration']:g} s" if texts else f"{motion['duration']:g} s")
     return ", ".join(texts)
 
 

@@ -21,8 +21,8 @@ from jinja2 import UndefinedError
 
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.loading.load import load_problem
-from ssm_planner.plans import load_plan
-from ssm_planner.problem import JOINTS
+from ssm_planner.plans import Plan, load_plan
+from ssm_planner.problem import JOINTS, Dwell, Straight
 from ssm_planner.problem.serialization import to_plain
 from ssm_planner.reporting.html.channels import (
     MIN_SAMPLES,
@@ -33,7 +33,13 @@ from ssm_planner.reporting.html.channels import (
 from ssm_planner.reporting.html.compare import comparison_data, write_comparison
 from ssm_planner.reporting.html.page import EMBEDDED_LIBRARIES, safe_json, template_environment
 from ssm_planner.reporting.html.panels import active_intervals
-from ssm_planner.reporting.html.report import report_data, report_page, write_report
+from ssm_planner.reporting.html.report import (
+    _limiting_text,
+    _motion_table,
+    report_data,
+    report_page,
+    write_report,
+)
 from ssm_planner.reporting.html.simulation import simulation_data, write_simulation_page
 from ssm_planner.reporting.text import (
     Table,
@@ -457,3 +463,25 @@ def test_the_curves_of_a_page_are_those_of_all_instants() -> None:
         i, load = JOINTS.index(joint.load.joint), joint.load
         for name, values in ((f"w{i}", load.speed()), (f"tau{i}", load.torque())):
             assert np.array_equal(channels[name], np.interp(t, load.t, values))
+
+
+def test_the_table_of_the_motion_states_target_and_duration() -> None:
+    """A motion with a required duration shows its target as well. A pause has only a duration."""
+    motion = (Straight(depth=0.015, duration=0.1, name="insert"), Dwell(2.0, "dwell"))
+    problem = replace(load_problem("tilt_insert"), motion=motion)
+    rows = _motion_table(Plan(problem, "infeasible", None)).rows
+    assert [row[2] for row in rows[1:]] == ["depth 15 mm, in 0.1 s", "2 s"]
+
+
+def test_the_headline_names_the_joints_that_are_long_at_a_limit() -> None:
+    """A joint that is only briefly at a limit is left out. Joints have their names."""
+    plan = load_plan(PLAN)
+    duration = plan.motion.duration
+
+    def active(joint: int, share: float) -> dict[str, object]:
+        return {"name": "acceleration", "joint": joint, "start": 0.0, "end": share * duration}
+
+    panels: Any = [{"active": [active(3, 0.5), active(0, 1e-4)]}]
+    assert _limiting_text(plan, panels) == "the acceleration of insertion"
+    panels = [{"active": [active(3, 0.5), active(0, 0.4), active(1, 0.4)]}]
+    assert _limiting_text(plan, panels) == "the acceleration of roll, tilt and insertion"
