@@ -160,8 +160,8 @@ def follow_reference(section: Section, *path: str | int, file_kind: str | None =
             (Path() if section.file is None else section.file.parent) / reference.value
         )
     )
+    names = shipped_files(f"{file_kind or path[-1]}s")  # type: ignore[arg-type]
     try:
-        names = shipped_files(f"{file_kind or path[-1]}s")  # type: ignore[arg-type]
         shipped = names.get(reference.value)
         if shipped is not None and not target.exists():
             return read_section(shipped)
@@ -171,8 +171,9 @@ def follow_reference(section: Section, *path: str | int, file_kind: str | None =
     except (OSError, ValueError) as error:
         problem = f"cannot be read: {error}"
     if problem:
-        allowed = "a file, named relative to this one, or a shipped name"
-        raise reference.error(f"the file {target} {problem}", allowed=allowed)
+        allowed = f"a file, named relative to this one, or a shipped name: {', '.join(names)}"
+        similar = suggestion(reference.value, names)
+        raise reference.error(f"the file {target} {problem}{similar}", allowed=allowed)
     return read_section(target)
 
 

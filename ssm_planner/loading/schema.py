@@ -534,9 +534,9 @@ def joint_mapping_model(build: Callable[[bool], Any], every: bool = False) -> An
 def _read_text(value: object) -> str:
     """Read a text that is not empty."""
     if not isinstance(value, str) or not value.strip():
-        raise invalid_value(
-            f"{units.describe(value)} instead of text", "a text of at least one character"
-        )
+        is_empty = isinstance(value, str)
+        reason = "an empty text" if is_empty else f"{units.describe(value)} instead of text"
+        raise invalid_value(reason, "a text of at least one character")
     return value
 
 

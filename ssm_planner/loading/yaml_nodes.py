@@ -102,6 +102,8 @@ def parse_yaml(
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
         message = " ".join(sentence for sentence in (error.context, error.problem) if sentence)
+        if mark is not None and text[mark.index : mark.index + 1] == "\t":
+            message = "a tab instead of spaces"
         raise ProblemError(f"not valid YAML: {message}", file=file, line=line) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
@@ -482,4 +484,6 @@ def _original_text(value: object) -> str | None:
         return _original_text(value["value"]) if "value" in value else None
     if isinstance(value, list):
         return "[" + ", ".join(_original_text(item) or "{…}" for item in value) + "]"
+    if value is None:
+        return "null"
     return value if isinstance(value, str) else repr(value)

@@ -14,7 +14,7 @@ import pytest
 from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import read_section, section_from_data, shipped_files
-from ssm_planner.loading.load import problem_from_dict
+from ssm_planner.loading.load import Problem, problem_from_dict
 from ssm_planner.loading.motors import motor_from
 from ssm_planner.loading.robots import robot_from
 from ssm_planner.plans import Plan
@@ -132,4 +132,25 @@ def test_an_unknown_name_of_a_point_is_named(points: dict[str, object], message:
         problem_from_dict(data)
     del data["points"]
     with pytest.raises(ProblemError, match="unknown name of a point"):
+        problem_from_dict(data)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("robot: x\nstart:\n\troll: 1\n", "line 3: not valid YAML: a tab instead of spaces"),
+        ("robot: @x\n", "cannot start any token"),
+        ("name: ''\n", "name = : an empty text"),
+        ("name: 5\n", "name = 5: a number instead of text"),
+        ("speed: null\n", "speed = null: empty value"),
+    ],
+)
+def test_a_message_names_what_the_file_contains(text: str, message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        Problem.from_yaml(text)
+
+
+def test_a_misspelt_robot_has_a_suggestion_and_the_shipped_names() -> None:
+    data = {**HEAD, "robot": "vitreoretinall", "motion": [{"tilt": {"to": "-100 deg"}}]}
+    with pytest.raises(ProblemError, match=r"did you mean 'vitreoretinal'.*raven_like"):
         problem_from_dict(data)
