@@ -137,9 +137,9 @@ class PhaseSummary:
     """
     lower_bound: float
     """Lower bound of the duration of any motion within the same limits, s."""
-    task_start: tuple[float, ...]
+    task_start: tuple[float, float, float, float]
     """Roll, tilt and spin (rad), and depth (m) at the start."""
-    task_end: tuple[float, ...]
+    task_end: tuple[float, float, float, float]
     """Roll, tilt and spin (rad), and depth (m) at the end."""
     branch: int | None
     """Branch of the inverse kinematics, ±1, or None for a phase without a path."""

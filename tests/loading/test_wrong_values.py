@@ -100,6 +100,14 @@ def test_a_damaged_plan_is_refused_with_a_message(part: str) -> None:
     assert refused
 
 
+@pytest.mark.parametrize("value", [[], [0.0] * 3, [0.0] * 5])
+def test_a_phase_of_a_plan_has_four_task_coordinates(value: list[float]) -> None:
+    document = json.loads((RESULTS / "tilt_insert" / "plan.json").read_bytes())
+    document["phases"][0]["task_start"] = value
+    with pytest.raises(SsmPlannerError, match="task_start"):
+        Plan._from_document(document, "0" * 64, Path("plan.json"))
+
+
 @pytest.mark.parametrize("motion", [5, True, "hello", {}])
 def test_a_motion_that_is_no_list_is_refused(motion: object) -> None:
     with pytest.raises(ProblemError, match="motion"):
