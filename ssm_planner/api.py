@@ -289,8 +289,9 @@ def report(
     plan : Plan, str or Path
         Plan, or its plan.json.
     path : str or Path, optional
-        File of the page. The default is report.html or comparison.html in the folder of the plan's
-        plan.json.
+        File of the page if its name ends with .html, otherwise the folder of report.html or
+        comparison.html. The default is the folder of the plan's plan.json. Only an earlier page of
+        this program is replaced.
     other : Plan, str or Path, optional
         Plan to compare with.
 
@@ -311,10 +312,12 @@ def report(
     >>> ssm.report("results/tilt_insert", mkdtemp() + "/report.html").name
     'report.html'
     """
+    from ssm_planner.atomic import output_file
     from ssm_planner.reporting import write_comparison, write_report
 
     plan = as_plan(plan)
-    page = Path(path or plan.path.with_name("report.html" if other is None else "comparison.html"))
+    default = plan.path.with_name("report.html" if other is None else "comparison.html")
+    page = output_file(None if path is None else Path(path), ".html", default)
     if other is None:
         return write_report(plan, page)
     return write_comparison(plan, as_plan(other), page)

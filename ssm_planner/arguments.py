@@ -10,6 +10,7 @@ import types
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from ssm_planner.errors import GeometryError, ProblemError
@@ -83,7 +84,9 @@ def _matches(hint: Any, value: Any) -> bool:
     if value_type is Any:
         return True
     if value_type in (Union, types.UnionType):
-        return any(_matches(member, value) for member in arguments)
+        is_accepted = any(_matches(member, value) for member in arguments)
+        # An empty text would name the current folder.
+        return is_accepted and not (Path in arguments and isinstance(value, str) and not value)
     if value_type is _ArrayLike:
         return _is_numeric(value)
     if value_type in (float, int):

@@ -38,7 +38,7 @@ The message about an interruption lists them.
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, beginning: str = "") -> Iterator[Path]:
     """Yield a temporary path that replaces a file when the `with` block ends without an exception.
 
     The block writes the temporary file, which is in the folder of the destination. At the end of
@@ -50,6 +50,9 @@ def replacing(path: Path) -> Iterator[Path]:
     ----------
     path : Path
         Destination. Missing folders are created.
+    beginning : str
+        Text with which all files of this kind begin. An existing file with another beginning is
+        kept, because this program did not write it.
 
     Yields
     ------
@@ -59,11 +62,14 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises
     ------
     ExportError
-        If the folder cannot be written, or if `path` is not a regular file, such as a device.
+        If the folder cannot be written, if `path` is not a regular file, such as a device, or if
+        the existing file is of another kind.
     """
     temporary = None
     try:
         target = resolve_destination(path)
+        if beginning and target.exists() and not target.read_bytes().startswith(beginning.encode()):
+            raise ExportError(f"{path}: exists, and is not from this program: name another file")
         # Files in a temporary folder become visible with that folder.
         is_in_temporary = any(target.is_relative_to(folder) for folder in _temporaries)
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -85,12 +91,13 @@ def replacing(path: Path) -> Iterator[Path]:
         raise ExportError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
         if temporary is not None:
-            temporary.unlink(missing_ok=True)
+            with suppress(OSError):  # a name that no file can have
+                temporary.unlink(missing_ok=True)
             _temporaries.discard(temporary)
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file in UTF-8 that replaces an existing file at once.
+def write_text(path: Path, text: str, mark: str = "\n") -> None:
+    """Write a text file in UTF-8 that replaces an existing file of the same kind at once.
 
     Parameters
     ----------
@@ -98,14 +105,34 @@ def write_text(path: Path, text: str) -> None:
         Destination.
     text : str
         Content of the file.
+    mark : str
+        End of the part of the text with which all files of this kind begin.
 
     Raises
     ------
     ExportError
-        If the folder cannot be written, or if `path` is not a regular file.
+        For the reasons of `replacing`.
     """
-    with replacing(path) as temporary:
+    with replacing(path, text.partition(mark)[0]) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def output_file(path: Path | None, suffix: str, default: Path) -> Path:
+    """Return the path of the main file that a command or function writes.
+
+    Parameters
+    ----------
+    path : Path or None
+        The file itself if its name ends with `suffix`, otherwise its folder.
+    suffix : str
+        Suffix of the file, such as ".yaml".
+    default : Path
+        Result for None. Its name is also the name of the file in a folder.
+    """
+    if path is None:
+        return default
+    is_file = path.suffix.lower() == suffix and not os.path.isdir(path)
+    return path if is_file else path / default.name
 
 
 @contextmanager
@@ -253,10 +280,8 @@ def resolve_destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Pat
     if file_type != file_type_wanted:
         descriptions = {stat.S_IFREG: "a file", stat.S_IFDIR: "a folder"}
         description = descriptions.get(file_type, "a device or another special file")
-        requirement = "a file is needed"
-        if file_type_wanted == stat.S_IFDIR:
-            requirement = "an export needs a folder"
-        raise ExportError(f"{path}: cannot be written: is {description}; {requirement}")
+        wanted = descriptions[file_type_wanted]
+        raise ExportError(f"{path}: cannot be written: is {description}; {wanted} is needed")
     return target
 
 

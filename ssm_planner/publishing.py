@@ -107,8 +107,8 @@ def publishing(folder: Path) -> Iterator[Path]:
     ------
     ExportError
         Without any change, if the folder cannot be written, if it contains files of another format
-        or plan, or if files that no export wrote would be replaced. Single files may be replaced
-        unless the new files are an export.
+        or plan, or if files that the present manifest does not list would be replaced. Single files
+        may be replaced if the new files have no manifest.
     """
     with staging(folder) as temporary:
         yield temporary
@@ -153,7 +153,7 @@ def publishing_results(folder: Path, plan: str | None = None) -> Iterator[Path]:
 
 
 @contextmanager
-def replacing_result(path: Path, plan: str) -> Iterator[Path]:
+def replacing_result(path: Path, plan: str, beginning: str = "") -> Iterator[Path]:
     """Yield a temporary path like `replacing`, for one file made from a plan.
 
     If the file is in a result folder, the manifest of this folder is updated.
@@ -164,6 +164,8 @@ def replacing_result(path: Path, plan: str) -> Iterator[Path]:
         Destination.
     plan : str
         SHA-256 of the plan.json.
+    beginning : str
+        Text with which all files of this kind begin, as for `replacing`.
 
     Yields
     ------
@@ -176,7 +178,7 @@ def replacing_result(path: Path, plan: str) -> Iterator[Path]:
         If the file cannot be written, or if its folder contains the results of another plan.
     """
     if read_manifest(path.parent).get("format") != RESULT_FORMAT:
-        with replacing(path) as temporary:
+        with replacing(path, beginning) as temporary:
             yield temporary
         return
     with publishing_results(path.parent, plan) as folder:
@@ -361,7 +363,7 @@ def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
             displayed_path / entry.name,
             entry.is_dir(),
             present_files,
-            strict=file_format == EXPORT_FORMAT,
+            strict=bool(file_format),
         )
     replaced_folder = source / ".replaced"
     replaced_folder.mkdir()
@@ -456,8 +458,8 @@ def _check_replaceable(
 ) -> None:
     """Raise an error if a file that no export wrote would be replaced.
 
-    Exports may replace only files in the present manifest. Results may replace any single file, but
-    only folders whose files are all in the manifest.
+    Exports and results may replace only files in the present manifest. Files without a manifest may
+    replace any single file, but only folders whose files are all in the manifest.
 
     Parameters
     ----------
@@ -470,7 +472,7 @@ def _check_replaceable(
     present_files : mapping
         SHA-256 of the files that the present manifest lists, by name.
     strict : bool
-        True if the new files are an export, false if they are results.
+        True if the new files have a manifest.
 
     Raises
     ------
@@ -480,13 +482,12 @@ def _check_replaceable(
     if not os.path.lexists(target):
         return
     resolve_destination(target, file_type_wanted=stat.S_IFDIR if is_folder else stat.S_IFREG)
-    files = [path for path in target.rglob("*") if not path.is_dir()] if is_folder else [target]
-    for path in files:
+    for path in (target, *target.rglob("*")):
         name = path.relative_to(target.parent).as_posix()
-        if (strict or is_folder) and name not in present_files:
+        if (strict or is_folder) and not path.is_dir() and name not in present_files:
             raise ExportError(
-                f"{displayed_path}: exists, and {name} is not from an export; nothing is written. "
-                "Choose another folder, or move this one."
+                f"{displayed_path}: exists, and {name} is not from this program; nothing is "
+                "written. Choose another folder, or move this one."
             )
 
 

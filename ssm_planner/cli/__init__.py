@@ -87,6 +87,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _build_parser(command_line).print_help(sys.stderr)
                 return BAD_INPUT
             options = _build_parser(command_line).parse_args(command_line)
+            from ssm_planner.cli.shared import check_needs
+
+            check_needs(options)
             status = int(options.run(options))
             sys.stdout.flush()
         return status if signals.received is None else _report_interruption(signals)
@@ -266,14 +269,13 @@ def _report_interruption(signals: _SignalHandling) -> int:
     # CPython records an interruption, and would later end the process by a signal instead of with
     # this exit status. Any call of exec() resets the record.
     exec("")
-    atomic = sys.modules.get("ssm_planner.atomic")
-    results = [str(path) for path in atomic.written_files] if atomic is not None else []
-    if atomic is not None and signals.ends_process:
-        atomic.remove_temporaries()
-    state = "earlier results are unchanged"
-    if results:
-        state = f"completed before that: {', '.join(results)}"
-    term = signals.received is not None and signals.received != signal.SIGINT
+    from ssm_planner.atomic import remove_temporaries, written_files
+
+    if signals.ends_process:
+        remove_temporaries()
+    results = ", ".join(map(str, written_files))
+    state = f"completed before that: {results}" if results else "earlier results are unchanged"
+    term = signals.received not in (None, signal.SIGINT)
     print(f"\nssm-planner: {'terminated' if term else 'interrupted'}; {state}", file=sys.stderr)
     return TERMINATED if term else INTERRUPTED
 
@@ -294,21 +296,16 @@ def _report_fault(error: Exception) -> int:
     int
         Exit status `INTERNAL_FAULT`.
     """
-    if os.environ.get(DEBUG_VARIABLE):
-        import traceback
+    import traceback
 
-        traceback.print_exception(type(error), error, error.__traceback__)
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    location = ""
-    if trace is not None:
-        file = os.path.basename(trace.tb_frame.f_code.co_filename)
-        location = f" at {file}:{trace.tb_lineno}"
+    if os.environ.get(DEBUG_VARIABLE):
+        traceback.print_exception(error)
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    location = f"{os.path.basename(frame.filename)}:{frame.lineno}"
     text = " ".join(f"{type(error).__name__}: {error}".split())
     print(
-        f"ssm-planner: internal fault{location}: {text[:200]}; please report it in {ISSUE_LIST}, "
-        f"with the command and its files ({DEBUG_VARIABLE}=1 shows the traceback)",
+        f"ssm-planner: internal fault at {location}: {text[:200]}; please report it in "
+        f"{ISSUE_LIST}, with the command and its files ({DEBUG_VARIABLE}=1 shows the traceback)",
         file=sys.stderr,
     )
     return INTERNAL_FAULT

@@ -21,14 +21,13 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
+from ssm_planner.publishing import PLAN_FILE
 from ssm_planner.typing import JsonObject
 
 if TYPE_CHECKING:
     from ssm_planner.formats import Reading
     from ssm_planner.problem import Robot, TaskLimits
 
-PLAN_FILE = "plan.json"
-"""Name of the file of a plan in its folder."""
 STATUS_OF_VERDICT = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
 """Exit status of each verdict of a check."""
 STATUS_OF_PROOF = {"PROVEN": OK, "REFUTED": FAILED, "OPEN": UNJUDGED}
@@ -50,14 +49,15 @@ def run_check(options: Namespace) -> int:
         judged.
     """
     progress = progress_reporter(f"reading {options.trajectory}")
-    document: JsonObject
     from ssm_planner.verification import with_task_results
 
     _check_proof_options(options)
     if options.key is not None:
-        fault = _signature_fault(options.trajectory, options.key)
+        from ssm_planner.formats import signature_error
+
+        fault = signature_error(options.trajectory, options.key)
         if fault is not None:
-            document = {
+            document: JsonObject = {
                 "trajectory": options.trajectory,
                 "passed": False,
                 "verdict": "violated",
@@ -100,7 +100,7 @@ def run_check(options: Namespace) -> int:
 
 
 def _check_proof_options(options: Namespace) -> None:
-    """Raise ProblemError if an option contradicts --proof, or if --checker is given without it.
+    """Raise ProblemError if an option contradicts --proof.
 
     The proof uses the robot, the limits and the speed of a plan.json, so options that replace these
     are refused.
@@ -110,13 +110,9 @@ def _check_proof_options(options: Namespace) -> None:
     options : Namespace
         Parsed arguments of the command.
     """
-    if not options.proof:
-        if options.checker is not None:
-            raise ProblemError("--checker needs --proof", key="--checker")
-        return
     names = ("robot", "problem", "tip_speed", "start_rate", "end_rate", "speed")
     contradictions = [f"--{name.replace('_', '-')}" for name in names if getattr(options, name)]
-    if contradictions:
+    if options.proof and contradictions:
         raise ProblemError(
             "the proof uses the robot, the limits and the speed of the plan.json",
             key="--proof",
@@ -144,29 +140,6 @@ def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
         counts[proof.verdict] += 1
     verdicts = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
     return proof_table(proofs).lines() + ["", f"proof for all times: {verdicts}"]
-
-
-def _signature_fault(folder: Path, key: Path) -> str | None:
-    """Return the reason why the signature of an export is invalid, or None if it is valid.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the export.
-    key : Path
-        PEM file with the public key.
-
-    Returns
-    -------
-    str or None
-        Reason, also for a folder without a readable manifest.
-    """
-    from ssm_planner.formats import read_manifest, signature_error
-
-    try:
-        return signature_error(folder, read_manifest(folder), key)
-    except ssm.TrajectoryError as error:
-        return str(error)
 
 
 def _allow_unjudged(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
@@ -347,21 +320,21 @@ def read_with_robot(
         notes = []
         if plan.uncertified_reason is not None:
             notes.append(f"the certificate in the file is invalid: {plan.uncertified_reason}")
-        if robot is None:
-            notes.append(
-                "robot and limits are those of the plan; --robot or --problem selects others"
-            )
-        else:
-            notes += plan.limit_differences(robot)
-        reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
         if limits is None:
             limits = plan.limits
         else:  # The plan declares the rates at both ends.
             start_rate = plan.limits.start_rate
             limits = replace(limits, start_rate=start_rate, end_rate=plan.limits.end_rate)
         if robot is None:
-            return reading, plan.robot, limits
-        return reading, robot, limits.within(robot)
+            robot = plan.robot
+            notes.append(
+                "robot and limits are those of the plan; --robot or --problem selects others"
+            )
+        else:
+            limits = limits.within(robot)
+            notes += plan.limit_differences(robot)
+        reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
+        return reading, robot, limits
     is_sample = path.name == "trajectory.csv" and (path.parent / PLAN_FILE).is_file()
     advice = (
         f"it samples the plan beside it: use `ssm-planner check {path.parent}`; a table that keeps "
@@ -370,9 +343,10 @@ def read_with_robot(
     if robot is None:
         reason = "no such file or folder"
         if path.exists():
-            reason = (
-                "the file does not name a robot: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
-            )
+            reason = "the file does not name a robot"
+            if path.is_dir():
+                reason = f"no {PLAN_FILE} in this folder"
+            reason += ": give --robot ROBOT.yaml or --problem PROBLEM.yaml"
         if is_sample:
             reason += f"; {advice}"
         raise ssm.TrajectoryError(f"{path}: {reason}")
@@ -423,9 +397,11 @@ def _parse_rates(option: str, text: str) -> dict[str, float] | None:
     for entry in map(str.strip, text.split(",")):
         name, _, value = entry.partition("=")
         name = name.strip()
-        if name not in TASK_COORDINATES:
+        if name not in TASK_COORDINATES or name in rates:
             allowed = f"any, or {', '.join(TASK_COORDINATES)}"
-            raise ProblemError("unknown task coordinate", key=option, value=entry, allowed=allowed)
+            raise ProblemError(
+                "unknown or repeated coordinate", key=option, value=entry, allowed=allowed
+            )
         quantity_kind = "velocity" if name == "depth" else "angular_velocity"
         rates[name] = parse_option_quantity(option, value.strip(), quantity_kind, entry)
     return rates

@@ -97,13 +97,17 @@ def _parse_encoder_counts(texts: list[str]) -> int | dict[str, int]:
     Raises
     ------
     ExportError
-        If a text has another form, or if a number for all joints and one for a joint are given.
+        If a text has another form, if a joint occurs twice, or if a number for all joints and one
+        for a joint are given.
     """
     counts: dict[str, int] = {}
     for text in texts:
         joint, _, number = text.rpartition("=")
-        if not number.isdigit():
-            raise ExportError(f"--counts-per-turn {text}: expected [JOINT=]N with a whole number N")
+        if not number.isdigit() or joint in counts:
+            raise ExportError(
+                f"--counts-per-turn {text}: expected [JOINT=]N with a whole number N, once per "
+                "joint"
+            )
         counts[joint] = int(number)
     if "" in counts and len(counts) > 1:
         raise ExportError("--counts-per-turn: give one number for all joints, or JOINT=N for each")

@@ -1,6 +1,7 @@
 """Run `ssm-planner schema KIND` and `ssm-planner new KIND`, which print keys and templates."""
 
 import json
+import os
 from argparse import Namespace
 
 from ssm_planner.cli.shared import OK
@@ -47,7 +48,7 @@ def run_new(options: Namespace) -> int:
         return OK
     from ssm_planner.atomic import write_text
 
-    if options.file.exists():
+    if os.path.exists(options.file):
         raise ExportError(
             f"{options.file}: the file exists and is not overwritten: name another file"
         )

@@ -4,10 +4,10 @@ from argparse import Namespace
 from pathlib import Path
 
 import ssm_planner as ssm
+from ssm_planner.atomic import output_file
 from ssm_planner.cli.shared import (
     OK,
     fill_in_template,
-    output_file,
     print_result,
     print_result_with_page,
     progress_reporter,
@@ -30,10 +30,11 @@ def run_identify(options: Namespace) -> int:
     int
         Exit status 0.
     """
-    _check_design_options(options)
     if options.design:
         return _run_design(options)
-    fixed = dict(_fixed_parameter(text) for text in options.fix)
+    fixed = dict(map(_fixed_parameter, options.fix))
+    if len(fixed) < len(options.fix):
+        raise ProblemError("a parameter occurs twice", key="--fix", value=" ".join(options.fix))
     progress = progress_reporter(f"identifying {options.drive}")
     identification = ssm.identify(
         options.drive,
@@ -54,24 +55,6 @@ def run_identify(options: Namespace) -> int:
     return OK
 
 
-def _check_design_options(options: Namespace) -> None:
-    """Raise ProblemError if an option has no effect because --design is given or is missing.
-
-    Parameters
-    ----------
-    options : Namespace
-        Parsed arguments of the command.
-    """
-    if options.design:
-        unused = {"a recording": options.recordings, "--fix": options.fix, "--free": options.free}
-        hint = "without --design"
-    else:
-        unused, hint = {"--top-speed": options.top_speed}, "with --design"
-    for name, value in unused.items():
-        if value not in (None, []):
-            raise ProblemError(f"{name} has no effect here", key=name, allowed=hint)
-
-
 def _run_design(options: Namespace) -> int:
     """Design a recording session, write it as CSV, and return the exit status.
 
@@ -86,12 +69,21 @@ def _run_design(options: Namespace) -> int:
     -------
     int
         Exit status 0.
+
+    Raises
+    ------
+    ProblemError
+        If an argument has no effect because --design is given.
     """
+    unused = {"a recording": options.recordings, "--fix": options.fix, "--free": options.free}
+    for name, value in unused.items():
+        if value:
+            raise ProblemError(f"{name} has no effect here", key=name, allowed="without --design")
     progress = progress_reporter(f"designing a session for {options.drive}")
-    session = ssm.design_session(options.drive, options.count, options.top_speed)
+    count = 24 if options.count is None else options.count
+    session = ssm.design_session(options.drive, count, options.top_speed)
     name = f"{options.drive.stem}_session.csv"
     path = output_file(options.output, ".csv", Path("results") / options.drive.stem / name)
-    path.parent.mkdir(parents=True, exist_ok=True)
     result: JsonObject = {**session.to_dict(), "files": {"session": session.save(path)}}
     progress(Step("done"))
     minutes = session.durations.sum() / 60
@@ -99,7 +91,7 @@ def _run_design(options: Namespace) -> int:
     lines += [
         "",
         f"session: {path}",
-        f"{options.count} recordings in {minutes:.1f} min of motion; the table shows what a "
+        f"{count} recordings in {minutes:.1f} min of motion; the table shows what a "
         f"simulated session determines (law {session.law})",
     ]
     print_result(options, result, lines)

@@ -88,7 +88,7 @@ def run_workspace(options: Namespace) -> int:
         result = _workspace_result(robot, options.output)
     else:
         low, high = sorted(options.reach)
-        result = _design_region_result((low, high), options.margin, robot, options.output)
+        result = _design_region_result((low, high), options.margin or 0.0, robot, options.output)
     name = "workspace" if "tilt_range" in result else "design_region"
     files = result.get("files", {}).values()
     lines = [f"figure: {path}" for path in files] + fill_in_template("workspace.txt", **result)

@@ -4,8 +4,7 @@ import sys
 from argparse import Namespace
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, output_file, print_result, progress_reporter
-from ssm_planner.errors import ProblemError
+from ssm_planner.cli.shared import FAILED, OK, print_result, progress_reporter
 from ssm_planner.progress import Step
 
 
@@ -24,14 +23,9 @@ def run_report(options: Namespace) -> int:
     int
         Exit status 0.
     """
-    if options.width is not None and options.figures is None:
-        raise ProblemError(
-            "--width requires a folder for the figures", key="--width", allowed="--figures DIR"
-        )
     plan = ssm.load_plan(options.plan)
     name = "report" if options.other is None else "comparison"
-    page = output_file(options.output, ".html", plan.path.with_name(f"{name}.html"))
-    files = {name: ssm.report(plan, page, options.other)}
+    files = {name: ssm.report(plan, options.output, options.other)}
     if options.figures is not None:
         from ssm_planner.reporting import DEFAULT_WIDTH, NAMED_WIDTHS, write_figures_of_file
 
@@ -59,7 +53,7 @@ def run_film(options: Namespace) -> int:
     path = options.output or plan.path.with_name("film")
     files = ssm.film(plan, path, options.speed)
     lines = [f"{name}: {file}" for name, file in files.items()]
-    if path.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
+    if len(files) > 1 and "film.mp4" not in files:
         lines.append("mp4: not written, because the program ffmpeg is not on the PATH")
     print_result(options, {"files": files}, lines)
     return OK

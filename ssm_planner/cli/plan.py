@@ -5,7 +5,6 @@ from pathlib import Path
 
 from ssm_planner.cli.shared import FAILED, OK, print_result, progress_reporter
 from ssm_planner.cli.terminal import shorten
-from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 
 
@@ -36,12 +35,6 @@ def run_plan(options: Namespace) -> int:
         from ssm_planner.reporting import explanation_lines, summary_lines
 
         current_plan = getattr(options, "from")  # `from` is a keyword of Python.
-        if (current_plan is None) != (options.at is None):
-            raise ProblemError(
-                "--from needs a time in its plan",
-                key="--at",
-                allowed="--from PLAN and --at TIME together",
-            )
         problem = load_problem(options.problem)
         name = file_name(problem.name)
         if current_plan is not None:
@@ -50,9 +43,8 @@ def run_plan(options: Namespace) -> int:
         folder = options.output or Path("results") / name
         result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
     progress(Step("done"))
-    lines = summary_lines(result, folder if result.passed else None, options.verbose)
-    if "page" in files:
-        lines.append(f"file     {files['page']}")
+    lines = summary_lines(result, options.verbose)
+    lines.append(f"file     {files['report' if result.passed else 'page']}")
     if not options.verbose:
         lines = shorten(lines)
     if options.explain:

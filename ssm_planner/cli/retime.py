@@ -61,8 +61,7 @@ def run_retime(options: Namespace) -> int:
         "off_lines": deviation.tolist(),
         "duration_in_file": recorded_duration,
     }
-    lines += summary_lines(result, folder if result.passed else None, verbose=True)
-    if "page" in files:
-        lines.append(f"file     {files['page']}")
+    lines += summary_lines(result, verbose=True)
+    lines.append(f"file     {files['report' if result.passed else 'page']}")
     print_result(options, document, lines)
     return OK if result.passed else FAILED

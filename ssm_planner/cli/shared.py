@@ -30,23 +30,6 @@ LARGEST_RATE = 100_000.0
 """Largest rate of written files, Hz. A file with a higher rate would not fit into memory."""
 
 
-def output_file(path: Path | None, suffix: str, default: Path) -> Path:
-    """Return the path of the main file that a command writes.
-
-    Parameters
-    ----------
-    path : Path or None
-        Value of -o: the file itself if it ends with `suffix`, otherwise its folder.
-    suffix : str
-        Suffix of the file, such as ".yaml".
-    default : Path
-        Result without -o. Its name is also the name of the file in a folder.
-    """
-    if path is None:
-        return default
-    return path if path.suffix.lower() == suffix and not path.is_dir() else path / default.name
-
-
 def quantity_argument(kind: str) -> Callable[[str], float]:
     """Return a function with which argparse converts a quantity such as `-140deg` to SI units.
 
@@ -98,9 +81,16 @@ def rate_argument(text: str) -> float:
             rate = float(match[1]) * (1000 if match[2] else 1)
     if not 0 < rate <= LARGEST_RATE:
         raise ArgumentTypeError(
-            f"{text!r} is not a rate such as 500 or 1kHz, up to {LARGEST_RATE / 1000:g}kHz"
+            f"{text.strip()!r} is not a rate such as 500 or 1kHz, up to {LARGEST_RATE / 1000:g}kHz"
         )
     return rate
+
+
+def path_argument(text: str) -> Path:
+    """Convert the text of an argument to a path. The text must not be empty."""
+    if not text:
+        raise ArgumentTypeError("an empty path")
+    return Path(text)
 
 
 ARGUMENTS = Path(__file__).with_name("arguments.csv")
@@ -109,10 +99,11 @@ ARGUMENTS = Path(__file__).with_name("arguments.csv")
 The column `kind` states the type of the value: a key of `VALUE_TYPES` or of `units.QUANTITY_KINDS`,
 "flag", the allowed words with "|" between them, or the object that contains them as `module:name`.
 The column `number` contains the number of values in the form of argparse, "append" or "required".
-At most one argument of a group can be used.
+At most one argument of a group can be used. The column `needs` names another option, without which
+the option has no effect.
 """
 VALUE_TYPES: dict[str, Callable[[str], Any]] = {
-    "path": Path,
+    "path": path_argument,
     "text": str,
     "int": int,
     "float": float,
@@ -132,6 +123,7 @@ def add_arguments(parser: ArgumentParser, command: str) -> None:
         Name of the command, such as "plan".
     """
     groups: dict[str, Any] = {"": parser}
+    needs = {}
     with ARGUMENTS.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             if command in row["commands"].split():
@@ -139,6 +131,27 @@ def add_arguments(parser: ArgumentParser, command: str) -> None:
                 if group not in groups:
                     groups[group] = parser.add_mutually_exclusive_group()
                 groups[group].add_argument(*row["argument"].split(), **_argument_settings(row))
+                if row["needs"]:
+                    needs[row["argument"]] = row["needs"]
+    parser.set_defaults(needs=needs)
+
+
+def check_needs(options: Namespace) -> None:
+    """Raise ProblemError if an option was given without the option that it needs.
+
+    Parameters
+    ----------
+    options : Namespace
+        Parsed arguments of a command.
+    """
+    given = {
+        f"--{name.replace('_', '-')}"
+        for name, value in vars(options).items()
+        if value is not False and value not in (None, [])  # 0 is a value, although 0 == False
+    }
+    for option, needed in options.needs.items():
+        if option in given and needed not in given:
+            raise ProblemError(f"needs {needed}", key=option)
 
 
 def _argument_settings(row: Mapping[str, str]) -> Keywords:
@@ -352,6 +365,7 @@ def print_result_with_page(
         If the page cannot be written.
     """
     if options.output is not None:
+        from ssm_planner.atomic import output_file
         from ssm_planner.reporting import write_outcome
 
         page = output_file(options.output, ".yaml", Path(f"{name}.yaml")).with_suffix(".html")

@@ -44,7 +44,7 @@ def run_size(options: Namespace) -> int:
 
     duty = read_duty(options.plan, options.robot)
     conditions = _conditions_from_options(options, duty)
-    if options.catalogue is not None or options.gears or options.gearheads:
+    if options.catalogue is not None:
         return _run_selection(options, duty, conditions)
     candidates = read_candidates(options.motor, duty)
     progress(Step("judging motors"))
@@ -103,18 +103,12 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
     Raises
     ------
     ProblemError
-        If a catalogue is missing or invalid, or if an option is not allowed.
+        If a catalogue is invalid, or if an option is not allowed.
     """
     from ssm_planner.loading import CatalogueEntry, drives_with_gears, read_gearheads, read_motors
     from ssm_planner.reporting import VERDICT_LABELS, selection_lines
     from ssm_planner.sizing import select_motors
 
-    if options.catalogue is None:
-        raise ProblemError(
-            "needs a catalogue of motors",
-            key="--gears" if options.gears else "--gearheads",
-            allowed="--catalogue together with --gears or --gearheads",
-        )
     if options.motor or options.what_if:
         raise ProblemError(
             "not allowed with --catalogue",
@@ -151,7 +145,7 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
         "motion": duty.name,
         "adequate": adequate,
         "confidence": conditions.confidence,
-        "selection": [joint.to_dict(options.rank, MAX_PAIRS) for joint in joints],
+        "selection": [joint.to_dict(options.rank or "mass", MAX_PAIRS) for joint in joints],
         "notes": notes,
     }
     document["files"] = write_results(options.output, "selection", document, lambda folder: {})

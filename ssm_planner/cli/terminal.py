@@ -123,8 +123,7 @@ def print_lines(lines: Iterable[str]) -> None:
         Texts to print, each of one or more lines.
     """
     has_colours = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
-    if os.environ.get("NO_COLOR"):
-        has_colours = False
+    has_colours = has_colours and not os.environ.get("NO_COLOR")
     for block in lines:
         for line in block.splitlines() or [""]:
             for text in wrap_line(line, terminal_width()):

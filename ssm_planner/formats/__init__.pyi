@@ -12,6 +12,6 @@ from .epos4_setup import (
 )
 from .format import FORMATS as FORMATS
 from .points import Reading as Reading
-from .read import read_manifest as read_manifest, read_trajectory as read_trajectory
+from .read import read_trajectory as read_trajectory
 from .signature import signature_error as signature_error
 from .spline_points import sample_slowed_plan as sample_slowed_plan

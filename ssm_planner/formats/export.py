@@ -103,9 +103,11 @@ def export(
     requested = options if stops is None else {**options, "stops": stops}
     for name in requested:
         if name not in form.options:
+            formats = [label for label, entry in FORMATS.items() if name in entry.options]
             raise ExportError(
                 f"{name} is not an option of the {to} export (allowed: "
-                f"{', '.join(form.options) or 'no options'})"
+                f"{', '.join(form.options) or 'no options'}; formats with {name}: "
+                f"{', '.join(formats) or 'none'})"
             )
     if stops is not None and stops < 1:
         raise ExportError(f"stops = {stops} is out of range (allowed: 1 or more)")

@@ -9,7 +9,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.errors import ExportError
+from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.read import read_manifest
 from ssm_planner.publishing import file_hashes
 from ssm_planner.typing import JsonObject
 
@@ -40,7 +41,7 @@ def sign_manifest(manifest: JsonObject, key: Path) -> str:
     return str(_read_key(key, "private").sign(_signed_bytes(manifest)).hex())
 
 
-def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None:
+def signature_error(folder: Path, key: Path) -> str | None:
     """Return the reason why the signature of an export folder is invalid, or None.
 
     The signature must belong to the manifest, and the files must have the hashes in the manifest.
@@ -49,15 +50,13 @@ def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None
     ----------
     folder : Path
         Export folder.
-    manifest : dict
-        Content of its manifest.json.
     key : Path
         PEM file with the Ed25519 public key.
 
     Returns
     -------
     str or None
-        Reason such as a changed manifest or file, or None if the signature is valid.
+        Reason such as a missing manifest or a changed file, or None if the signature is valid.
 
     Raises
     ------
@@ -67,6 +66,10 @@ def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None
     public = _read_key(key, "public")
     from cryptography.exceptions import InvalidSignature
 
+    try:
+        manifest = read_manifest(folder)
+    except TrajectoryError as error:
+        return str(error)
     signature = manifest.get(SIGNATURE)
     if not isinstance(signature, str):
         return "the folder is not signed"
@@ -118,11 +121,14 @@ def _read_key(path: Path, key_type: str) -> Any:
         ) from error
     try:
         data = path.read_bytes()
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be read: {error.strerror}") from error
+    try:
         if key_type == "private":
             key: Any = serialization.load_pem_private_key(data, None)
         else:
             key = serialization.load_pem_public_key(data)
-    except (OSError, ValueError, TypeError, UnsupportedAlgorithm):
+    except (ValueError, TypeError, UnsupportedAlgorithm):
         key = None
     if not isinstance(key, (ed25519.Ed25519PrivateKey, ed25519.Ed25519PublicKey)):
         raise ExportError(f"{path}: not an Ed25519 {key_type} key (allowed: PEM without password)")

@@ -73,7 +73,7 @@ def write_drive(
     text = _heading_comments(fit, evidence) + yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, width=110
     )
-    write_text(Path(path), text)
+    write_text(Path(path), text, mark=" from ")
 
 
 def _heading_comments(fit: MapFit, evidence: str) -> str:

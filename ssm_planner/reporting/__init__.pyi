@@ -40,6 +40,7 @@ from .figures.workspace import (
 )
 from .html.compare import comparison_data as comparison_data, write_comparison as write_comparison
 from .html.outcome import write_outcome as write_outcome
+from .html.page import PAGE_MARK as PAGE_MARK
 from .html.page import render_page as render_page
 from .html.report import report_page as report_page, write_report as write_report
 from .html.scene import link_sides as link_sides, mechanism_scene as mechanism_scene

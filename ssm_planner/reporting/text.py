@@ -8,7 +8,6 @@ planner, so that `check` starts quickly.
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate, chain, zip_longest
-from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -466,7 +465,7 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     return Table(header, rows, (2, 3, 4, 5))
 
 
-def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = False) -> list[str]:
+def summary_lines(plan: "Plan", verbose: bool = False) -> list[str]:
     """Return the summary of a plan as lines of text.
 
     The last lines state the duration, the result of the check, the closest limit and the verdict on
@@ -476,8 +475,6 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
     ----------
     plan : Plan
         Plan that is reported.
-    folder : Path, optional
-        Folder of the written results. By default, the summary does not name the report.
     verbose : bool, optional
         If true, the summary also lists solvers, motors, joints, limits and unknown data.
 
@@ -520,21 +517,19 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
         _, _, reason = summarise_sizing(plan.sizing.to_dict())
         if reason:
             lines += [f"Motors: {reason}", ""]
-    return lines + list(answer_lines(plan, folder))
+    return lines + list(answer_lines(plan))
 
 
-def answer_lines(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
+def answer_lines(plan: "Plan") -> Iterator[str]:
     """Yield the lines that answer the main questions about a plan.
 
-    There is one line each for the duration, the check, the closest limit, the motors and the
-    report. The first nine characters of a line are its label.
+    There is one line each for the duration, the check, the closest limit and the motors. The first
+    nine characters of a line are its label.
 
     Parameters
     ----------
     plan : Plan
         A plan with a trajectory.
-    folder : Path, optional
-        Folder of the written results. Without it, the line about the report is left out.
 
     Yields
     ------
@@ -571,8 +566,6 @@ def answer_lines(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
     if plan.sizing is not None:
         outcome = summarise_sizing(plan.sizing.to_dict())[1]
         yield f"motors   {outcome.removeprefix('Motors ')}"
-    if folder is not None:
-        yield f"file     {folder / 'report.html'}"
 
 
 def closest_inactive_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:

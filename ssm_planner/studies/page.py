@@ -17,7 +17,7 @@ import numpy as np
 
 from ssm_planner.atomic import write_text
 from ssm_planner.display import format_number, plain_words
-from ssm_planner.reporting import render_page
+from ssm_planner.reporting import PAGE_MARK, render_page
 from ssm_planner.studies.store import (
     Candidate,
     Candidates,
@@ -91,7 +91,7 @@ def write_study_page(study: Study, rows: Candidates, path: Path, finished: bool)
         reports=reports,
         unfinished=not finished,
     )
-    write_text(path, text)
+    write_text(path, text, PAGE_MARK)
     return path
 
 

@@ -487,8 +487,9 @@ def write_table(rows: Candidates, path: Path) -> None:
     for mappings in ([row.design for row in rows], [row.figures for row in rows]):
         for name in sorted(set().union(*mappings)):
             table[name] = [mapping.get(name) for mapping in mappings]
-    with replacing(path) as temporary:
-        if path.suffix != ".parquet":
+    is_parquet = path.suffix == ".parquet"
+    with replacing(path, "PAR1" if is_parquet else ",".join(attributes)) as temporary:
+        if not is_parquet:
             with temporary.open("w", newline="", encoding="utf-8") as stream:
                 writer = csv.writer(stream, lineterminator="\n")
                 writer.writerow(table)

@@ -44,6 +44,20 @@ CASES = [
     (["study", "vitreoretinal", "--workers", "0"], "--workers = 0"),
     (["study", "vitreoretinal", "--workers", "100000"], "--workers = 100000"),
     (["identify", RIG, "--free", "lift"], "cannot free 'lift'"),
+    (["identify", RIG, "--fix", "mu=0.1", "--fix", "mu=0.2"], "--fix = mu=0.1 mu=0.2"),
+    (["plan", "tilt_insert", "--at", "1s"], "--at: needs --from"),
+    (["plan", "tilt_insert", "--from", PLAN], "--from: needs --at"),
+    (["plan", "tilt_insert", "--rate", "-5"], "'-5' is not a rate"),
+    (["workspace", "vitreoretinal", "--margin", "0deg"], "--margin: needs --reach"),
+    (["size", PLAN, "--rank", "mass"], "--rank: needs --catalogue"),
+    (["identify", RIG, "--count", "24"], "--count: needs --design"),
+    (
+        ["export", PLAN, "--to", "epos4", "--counts-per-turn", "roll=4096", "roll=2000"],
+        "once per joint",
+    ),
+    (["check", PLAN, "--start-rate", "tilt=0deg/s,tilt=1deg/s"], "repeated coordinate"),
+    (["check", PLAN, "--key", "nofile"], "nofile: cannot be read"),
+    (["check", str(ROOT / "results")], "no plan.json in this folder"),
 ]
 
 

@@ -286,7 +286,7 @@ def test_an_existing_export_is_replaced_and_other_files_stay(plan: Plan, tmp_pat
 def test_a_target_that_is_a_file_or_cannot_be_written(plan: Plan, tmp_path: Path) -> None:
     file = tmp_path / "taken"
     file.write_text("mine", encoding="utf-8")
-    with pytest.raises(ExportError, match="is a file; an export needs a folder"):
+    with pytest.raises(ExportError, match="is a file; a folder is needed"):
         export(plan, "csv", file)
     with pytest.raises(ExportError, match="cannot be written"):
         export(plan, "csv", file / "below")

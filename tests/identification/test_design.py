@@ -85,7 +85,7 @@ def test_the_command_writes_the_session(tmp_path: Path, capsys: pytest.CaptureFi
         (["--design", "--top-speed", "-5rpm"], "-5 rpm is out of range"),
         (["recording.csv", "--design"], "a recording has no effect"),
         (["--design", "--fix", "mu=0.1"], "--fix has no effect"),
-        (["--top-speed", "10rpm"], "--top-speed has no effect"),
+        (["--top-speed", "10rpm"], "--top-speed: needs --design"),
     ],
 )
 def test_an_option_without_effect_is_refused(

@@ -207,7 +207,7 @@ def test_the_command_names_placeholders(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_gears_need_a_catalogue() -> None:
-    with pytest.raises(ProblemError, match=r"--gears: needs a catalogue .*--catalogue"):
+    with pytest.raises(ProblemError, match="--gears: needs --catalogue"):
         run("size", RESULTS / "tilt_insert", "--gears", "worms")
 
 

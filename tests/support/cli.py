@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.cli import COMMANDS
-from ssm_planner.cli.shared import add_arguments
+from ssm_planner.cli.shared import add_arguments, check_needs
 from tests.support.paths import ROOT
 
 
@@ -25,8 +25,9 @@ def run(command: str, *words: object) -> int:
     add_arguments(parser, command)
     if command == "export":
         module.add_format_arguments(parser)
-    status = getattr(module, f"run_{command}")(parser.parse_args([str(word) for word in words]))
-    return int(status)
+    options = parser.parse_args([str(word) for word in words])
+    check_needs(options)
+    return int(getattr(module, f"run_{command}")(options))
 
 
 def environment(**changes: str) -> dict[str, str]:

@@ -472,7 +472,7 @@ def test_a_limit_that_is_not_proven_is_not_kept(
         (["--proof", "--robot", "vitreoretinal"], "without --robot"),
         (["--proof", "--speed", "10%"], "without --speed"),
         (["--proof", "--tip-speed", "25mm/s"], "without --tip-speed"),
-        (["--checker", "prove.py"], "--checker needs --proof"),
+        (["--checker", "prove.py"], "--checker: needs --proof"),
         (["--proof", "--checker", "missing/folder/prove.py/x"], "missing"),
     ],
 )

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ssm_planner.atomic import write_text
-from ssm_planner.reporting.html.page import render_page
+from ssm_planner.reporting.html.page import PAGE_MARK, render_page
 from ssm_planner.reporting.text import Table
 
 
@@ -57,5 +57,5 @@ def write_outcome(
         figures=images,
         steps=steps,
     )
-    write_text(path, text)
+    write_text(path, text, PAGE_MARK)
     return path

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 PACKAGE = "ssm_planner.reporting"
 """Package that contains the templates and assets."""
+PAGE_MARK = "default-src"
+"""End of the part with which all pages begin."""
 EMBEDDED_LIBRARIES = (("three.js 0.187.0", "three"), ("uPlot 1.6.32", "uplot"))
 """Name with version, and file stem in assets/vendor, of each embedded JavaScript library.
 
@@ -74,9 +76,9 @@ def write_page(path: Path, text: str, plan: str) -> Path:
     Raises
     ------
     ExportError
-        If the file cannot be written.
+        If the file cannot be written, or if it exists and is no page of this program.
     """
-    with replacing_result(path, plan) as temporary:
+    with replacing_result(path, plan, text.partition(PAGE_MARK)[0]) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
 
