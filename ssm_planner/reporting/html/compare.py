@@ -98,11 +98,14 @@ def comparison_data(plans: Sequence[Plan]) -> JsonObject:
         is_running = t <= plan.motion.duration + 1e-9
         running_samples = {name: values[is_running] for name, values in samples.items()}
         panels.append(build_panels(plan, running_samples) + list(_margin_panels(plan, samples)))
+    merged = _merge_panels(panels)
+    # The plots of a section follow each other, because the page opens a section for each group.
+    sections = [panel["section"] for panel in merged]
     return {
         "duration": duration,
         "ends": [plan.motion.duration for plan in plans],
         "colours": list(COLOURS),
-        "panels": _merge_panels(panels),
+        "panels": sorted(merged, key=lambda panel: sections.index(panel["section"])),
         "scenes": [robot_scene(plan.robot, plan.limits) for plan in plans],
         "channels": [encode_channels(samples) for samples in channels],
     }

@@ -6,6 +6,7 @@ The tests cover the content of the file, the time to write it, and names that mu
 from __future__ import annotations
 
 import base64
+import itertools
 import json
 import re
 from dataclasses import replace
@@ -353,6 +354,8 @@ def test_a_limit_of_one_plan_has_the_colour_of_this_plan(tmp_path: Path) -> None
     other = tmp_path / "plan.json"
     other.write_text(json.dumps(document), encoding="utf-8")
     panels = comparison_data((load_plan(PLAN), load_plan(other)))["panels"]
+    sections = [name for name, _ in itertools.groupby(panel["section"] for panel in panels)]
+    assert len(sections) == len(set(sections)), "each section is opened once"
     sides = {
         (line["label"], line["high"]): line["side"] for panel in panels for line in panel["limits"]
     }
