@@ -514,11 +514,14 @@ def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
 
 
 def _interleaved_fits(fits: Array) -> Array:
-    """Rearrange the polynomials that replace a path to the order that the C code reads.
+    """Rearrange the polynomials of the elements to the order that the C code reads.
 
-    The C code evaluates a group of `ELEMENTS_PER_VECTOR` elements at once. The corresponding
-    numbers of these elements must therefore be adjacent. The last element is repeated to complete
-    the last group. Within an element, the coefficients are sorted by curve instead of by degree.
+    The polynomials approximate functions of the path parameter s near an element (time interval),
+    for example the slope of a joint. These functions are called curves. The C code evaluates a
+    group of `ELEMENTS_PER_VECTOR` elements at once, so the corresponding numbers of these elements
+    must be adjacent. The last element is repeated to complete the last group. The input contains
+    first the coefficients of degree 0 of all curves, then those of degree 1, and so on. The output
+    contains all coefficients of the first curve, then those of the second one, and so on.
 
     Parameters
     ----------

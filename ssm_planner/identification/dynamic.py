@@ -195,10 +195,11 @@ class _LeastSquaresProblem:
 def fit_dynamic(
     drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float = 0.0
 ) -> DynamicFit:
-    """Fit the static friction, its growth at rest and frictional memory to start–stop recordings.
+    """Fit up to three parameters of friction to start–stop recordings.
 
-    The parameters of the torque–velocity map do not change. The Akaike criterion selects which of
-    the three parameters are fitted.
+    The parameters are the static friction, its growth while the joint rests, and the frictional
+    memory, which is the delay of friction behind the velocity. The Akaike criterion selects which
+    of them are fitted. The parameters of the torque–velocity map do not change.
 
     Parameters
     ----------

@@ -139,7 +139,8 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
     values : mapping of float
         Stated figures in SI units by key.
     """
-    # The rules are products, so the sums and differences that occur in them are computed here.
+    # A rule contains only products of figures. Sums and differences are therefore added as further
+    # figures. A figure that is not stated is NaN, and so is every figure that follows from it.
     figures = defaultdict(lambda: math.nan, values)
     voltage, resistance = figures["nominal_voltage"], figures["terminal_resistance"]
     current, no_load_current = figures["nominal_current"], figures["no_load_current"]

@@ -81,7 +81,7 @@ AXIS_TOLERANCE = math.radians(0.5)
 
 
 def _rate_type(name: str, bound: Bound = UNBOUNDED) -> Any:
-    """Return the type of a key whose value is the rate of a task coordinate.
+    """Return the type with which pydantic reads the rate of a task coordinate, such as "5 deg/s".
 
     Parameters
     ----------
@@ -89,6 +89,11 @@ def _rate_type(name: str, bound: Bound = UNBOUNDED) -> Any:
         Name of the coordinate, such as "tilt".
     bound : Bound
         Allowed values in SI units.
+
+    Returns
+    -------
+    type
+        A velocity for the depth, and an angular velocity for other coordinates.
     """
     return Annotated[
         Any, quantity_reader("velocity" if name == "depth" else "angular_velocity", bound)

@@ -395,10 +395,11 @@ def joints_nearest_to_eye(phase: Phase) -> Array:
 
 
 def replace_by_task_line(phase: Phase) -> Phase | None:
-    """Return the phase of a free motion with a straight line in task coordinates as its given path.
+    """Replace a free motion by a motion along a straight line in task coordinates.
 
-    A motion along a given path is easier to compute than one whose path the solver chooses. The
-    planner tries the line where no free motion was found (`candidates/task_line.py`).
+    The task coordinates are roll, tilt, spin and depth. A motion along a given path is easier to
+    compute than a free motion, whose path the solver chooses. The planner therefore tries the line
+    if it found no free motion (`candidates/task_line.py`).
 
     Parameters
     ----------
@@ -412,7 +413,7 @@ def replace_by_task_line(phase: Phase) -> Phase | None:
 
         - The phase has via points (points between start and end), or begins or ends at speed.
         - The line is the same as in joint coordinates, or does not end at the target joints.
-        - A limit forbids a place on the line.
+        - Some position on the line exceeds a limit.
     """
     # The line differs from the one in joint coordinates only if roll or tilt changes. They are the
     # coordinates [:2].
@@ -508,7 +509,8 @@ def _end_velocity(phase: Phase, side: int) -> Array:
     Raises
     ------
     ProblemError
-        If the phase is a dwell, or if the rates do not point along its given path.
+        If the phase is a dwell (a pause), or if the robot cannot move along the given path of the
+        phase at these rates, because they have another direction.
     """
     key = RATE_KEYS[side]
     problem, mechanism = phase.problem, phase.mechanism
@@ -520,7 +522,8 @@ def _end_velocity(phase: Phase, side: int) -> Array:
             "a dwell has no speed", file=problem.file, line=phase.motion.line, key=key
         )
     if phase.path is not None:
-        sample = phase.path.sample(np.array([-float(side)]))  # s = 0 or 1
+        # The path parameter s is 0 at the start and 1 at the end.
+        sample = phase.path.sample(np.array([-float(side)]))
         direction = task_rates(mechanism, sample.q, sample.dq)[0]
         # Part of the rate that points along the path.
         projection = direction * (direction @ rate) / (direction @ direction)

@@ -114,8 +114,9 @@ def borders_at_reversals(
 ) -> Borders:
     """Convert the points and reversals of a free motion to borders for another solve.
 
-    Between two consecutive borders, no joint reverses. The motion itself is the guess of the solve,
-    in which elements (time intervals) of the mesh end at the borders.
+    A border is a position at which joints may reverse. No joint reverses between two consecutive
+    borders. The next solve divides the time into elements (intervals) that end at the borders, and
+    it starts from the given motion.
 
     Parameters
     ----------

@@ -141,11 +141,11 @@ class JointSelection:
     def ranked(self, by: Rank = "mass") -> list[tuple[int, int]]:
         """Sort the pairs that no check rules out, the best first.
 
-        Adequate pairs come first. Pairs whose motor passes all its own checks come next, because
-        only data of the gear are missing for them. All other pairs follow. Within each of these
-        three groups, the pairs are sorted by the quantity `by`. Pairs for which this quantity is
-        not known are last in their group. Equal pairs are sorted by the nominal torque of the
-        motor.
+        The list has three groups. Pairs that pass all checks are first. In the second group, all
+        checks of the motor pass, and only data of the gear are missing. The other pairs, for which
+        data of the motor are missing, are last. Within a group, the pairs are sorted by the
+        quantity `by`. Pairs with an unknown quantity are at the end of their group. Equal pairs are
+        sorted by the nominal torque of the motor.
 
         Parameters
         ----------
@@ -159,6 +159,7 @@ class JointSelection:
         list of (int, int)
             Indices (g, m) of gear and motor of each pair.
         """
+        # The answers are 1 (passed), 0 (not known) and −1 (failed).
         adequate = self.adequate
         motor_answers = self._of_motors
         key = self._key(by)

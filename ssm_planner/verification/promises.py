@@ -720,11 +720,11 @@ def _check_departure(
     Returns
     -------
     list of LimitCheck
-        The largest distance from the lines outside the zones around corners. If the phase has
-        corners, the list also contains the largest distance from a corner at which the tip has
-        left the lines.
+        The first check states the largest distance from the lines outside of all zones. If the
+        phase has corners, a second check states how far from its corner the tip leaves the lines.
     """
-    # Distances from the corners as multiples of the radii of their zones, (n, corners).
+    # Distances from the corners as multiples of the radii of their zones, (n, corners). The nearest
+    # corner is the one with the smallest multiple.
     radii = np.array(promise.corner_distances)
     shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / radii
     outside = np.all(shares * radii > radii + CORNER_SLACK, axis=1)

@@ -373,8 +373,9 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         Returns
         -------
         MissionMotion or Reason
-            The duration, without the motions of the phases. A reason if the duration is not shorter
-            than `cutoff`.
+            A `MissionMotion` that contains only the duration. A reason if the duration is not
+            shorter than `cutoff`. None does not occur. The base class permits it for candidates
+            that have no estimate.
         """
         self.planner.report()
         nominal = unchecked_copy(self.problem, friction=None, payload=None)

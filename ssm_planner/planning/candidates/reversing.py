@@ -165,10 +165,11 @@ class Reversing(PhaseCandidate):
 
 
 def _applies(planner: PhasePlanner) -> bool:
-    """Return True if joints may reverse on the motion of a phase where they need not.
+    """Return True if the search for additional reversals applies to a phase.
 
-    The motion must be free, so that the planner chooses its path. It must also have via points, or
-    begin and end at rest. Finally, the planner must allow reversals.
+    Three conditions must hold. The planner permits additional reversals. The motion is free, which
+    means that the planner chooses its path. The motion has via points, or it begins and ends at
+    rest.
 
     Parameters
     ----------

@@ -188,7 +188,8 @@ class _FreeProblemBuilder:
         """Compute the approximate number of elements between two neighbouring points of the motion.
 
         A motion between two points has `count` elements (time intervals). A motion through more
-        points has about twice as many in all, and at least 8 between two neighbouring points.
+        points has about 2 · `count` elements in total. Each part between two neighbouring points
+        has the same number of them, which is at least 8.
 
         Parameters
         ----------
