@@ -117,7 +117,7 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
             ("start.spin", "missing", "roll, tilt, spin, depth"),
         ),
         (START, "start: {}", ("start", "the point is empty", "joints")),
-        (START, "start: here", ("start = here", "a text instead of a mapping")),
+        (START, "start: here", ("start = here", "unknown name of a point")),
         (START, "start:", ("start", "empty value")),
         (
             START,

@@ -531,7 +531,8 @@ def test_the_page_shows_front_reasons_and_what_moves_the_objectives(tmp_path):
     assert link == f"candidate_{best}/tilt_insert/report.html"
     assert (tmp_path / link).is_file()
     line = f'<p>Play the motions of a candidate: <a href="{link}">candidate {best}, tilt insert</a>.</p>'
-    assert linked.replace(line, "") == text, "all else stays"
+    unlinked = linked.replace(line, "").replace(f'"reports":["{link}"]', '"reports":[]')
+    assert unlinked == text, "all else stays"
 
 
 def test_explained_variance_is_that_of_a_known_law():
