@@ -65,9 +65,9 @@
     if (random() < 0.2) await sleep(60 * random());
     return answerWith(content, answer.ok);
   };
-  const workspaceKey = ({ alpha, beta, tilt_range }) => [alpha, beta, ...tilt_range].map((si) => (si * turn).toFixed(5)).join();
+  const workspaceKey = ({ alpha, beta, tilt_range }) => [alpha, beta, ...tilt_range].map((si) => (si * turn).toFixed(6)).join();
   const poseKey = ({ alpha, beta, pose: [roll, tilt, spin, depth] }) =>
-    [...[alpha, beta, roll, tilt, spin].map((si) => si * turn), depth * 1e3].map((shown) => shown.toFixed(5)).join();
+    [...[alpha, beta, roll, tilt, spin].map((si) => si * turn), depth * 1e3].map((shown) => shown.toFixed(6)).join();
 
   // The settings that the page shows.
   const fields = () => [...document.querySelectorAll(".slider > label + *")].map(({ id }) => id);
@@ -143,7 +143,7 @@
       else if (answer.reached !== (get("reach").className === "good")) list.push("tilt range: verdict of other angles");
     }
     if (isCurrent("reached")) {
-      const answer = poses.get([of.alpha, of.beta, of.roll, of.tilt, of.spin, of.depth].map((value) => value.toFixed(5)).join());
+      const answer = poses.get([of.alpha, of.beta, of.roll, of.tilt, of.spin, of.depth].map((value) => value.toFixed(6)).join());
       if (!answer) list.push("pose: judged for other settings");
       else if (answer.reachable !== (get("reached").className === "good")) list.push("pose: verdict of other settings");
     }

@@ -187,11 +187,15 @@ class Campaign:
         time.sleep(0.1)
         page.evaluate("document.getElementById('source').open = true")
         time.sleep(0.3)
-        text = page.evaluate("document.getElementById('text').value")
+        # The text and the settings are read at the same instant, because an answer may come late.
+        text, before, is_outdated = page.evaluate(
+            "[document.getElementById('text').value, campaign.shown(), "
+            "!document.getElementById('rewrite').hidden]"
+        )
         outcome = page.evaluate("document.querySelector('.outcome')?.textContent")
         if not text or outcome == "not planned" or page.evaluate("campaign.errors().length"):
             return
-        if page.is_visible("#rewrite"):  # an answer came late
+        if is_outdated:
             return
         self.tally.counts["edits"] += 1
         invalid = re.sub(r"velocity: (\S+) deg/s", r"velocity: \1 deg", text, count=1)
@@ -204,7 +208,6 @@ class Campaign:
                 self.tally.add("an invalid text is not refused")
         speed = self.draw.uniform(35.0, 65.0)
         page.fill("#text", re.sub(r"velocity: \S+ deg/s", f"velocity: {speed:.3f} deg/s", text))
-        before = page.evaluate("campaign.shown()")
         self.prepare(real)
         path = page.url.split("#")[0]
         page.click("#apply")
