@@ -109,8 +109,13 @@ def _read_key(path: Path, key_type: str) -> Any:
     Raises
     ------
     ExportError
-        If the file does not contain such a key, or if the package cryptography is not installed.
+        If the file cannot be read or does not contain such a key, or if the package cryptography is
+        not installed.
     """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be read: {error.strerror}") from error
     try:
         from cryptography.exceptions import UnsupportedAlgorithm
         from cryptography.hazmat.primitives import serialization
@@ -119,10 +124,6 @@ def _read_key(path: Path, key_type: str) -> Any:
         raise ExportError(
             "signatures need the package cryptography: pip install 'ssm-planner[sign]'"
         ) from error
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ExportError(f"{path}: cannot be read: {error.strerror}") from error
     try:
         if key_type == "private":
             key: Any = serialization.load_pem_private_key(data, None)
