@@ -42,6 +42,8 @@ INCOMPLETE_KEY = "incomplete"
 """Key of a manifest whose folder is being changed."""
 LARGEST_MANIFEST_SIZE = 64 * 2**20
 """Largest size of a manifest in bytes."""
+KIND_LENGTH = 12
+"""Number of bytes at the beginning of a file that tell its kind, such as "# Friction i"."""
 LONGEST_NAME = 100
 """Largest number of characters of a file name."""
 
@@ -107,8 +109,7 @@ def publishing(folder: Path) -> Iterator[Path]:
     ------
     ExportError
         Without any change, if the folder cannot be written, if it contains files of another format
-        or plan, or if files that the present manifest does not list would be replaced. Single files
-        may be replaced if the new files have no manifest.
+        or plan, or if files of the user would be replaced (`_check_replaceable`).
     """
     with staging(folder) as temporary:
         yield temporary
@@ -361,7 +362,7 @@ def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
         _check_replaceable(
             folder / entry.name,
             displayed_path / entry.name,
-            entry.is_dir(),
+            entry,
             present_files,
             strict=bool(file_format),
         )
@@ -452,14 +453,14 @@ def _write_manifest(path: Path, manifest: JsonObject) -> None:
 def _check_replaceable(
     target: Path,
     displayed_path: Path,
-    is_folder: bool,
+    entry: Path,
     present_files: Mapping[str, str],
     strict: bool,
 ) -> None:
-    """Raise an error if a file that no export wrote would be replaced.
+    """Raise an error if a file of the user would be replaced.
 
-    Exports and results may replace only files in the present manifest. Files without a manifest may
-    replace any single file, but only folders whose files are all in the manifest.
+    Exports and results may replace only files in the present manifest. A single file without a
+    manifest may also replace a file that begins with the same `KIND_LENGTH` bytes.
 
     Parameters
     ----------
@@ -467,8 +468,8 @@ def _check_replaceable(
         File or folder that would be replaced. It need not exist.
     displayed_path : Path
         Its path for messages.
-    is_folder : bool
-        True if a folder replaces it.
+    entry : Path
+        The new file or folder.
     present_files : mapping
         SHA-256 of the files that the present manifest lists, by name.
     strict : bool
@@ -481,10 +482,15 @@ def _check_replaceable(
     """
     if not os.path.lexists(target):
         return
+    is_folder = entry.is_dir()
     resolve_destination(target, file_type_wanted=stat.S_IFDIR if is_folder else stat.S_IFREG)
+    if not strict and not is_folder:
+        kinds = {path.read_bytes()[:KIND_LENGTH] for path in (target, entry)}
+        if len(kinds) == 1:
+            return
     for path in (target, *target.rglob("*")):
         name = path.relative_to(target.parent).as_posix()
-        if (strict or is_folder) and not path.is_dir() and name not in present_files:
+        if not path.is_dir() and name not in present_files:
             raise ExportError(
                 f"{displayed_path}: exists, and {name} is not from this program; nothing is "
                 "written. Choose another folder, or move this one."

@@ -10,6 +10,7 @@ import pytest
 
 from ssm_planner import ExportError, ProblemError, export, load_plan, prove, report
 from ssm_planner.cli import main
+from ssm_planner.publishing import publishing
 from ssm_planner.studies.store import write_table
 from tests.support.paths import RESULTS
 
@@ -19,6 +20,7 @@ COMMANDS = {
     "prove.py": ["check", str(PLAN), "--proof", "--checker"],
     "robot.yaml": ["new", "robot"],
 }
+FILM = {"film.gif": ["film", str(PLAN), "-o"]}
 FUNCTIONS: dict[str, Callable[[Path], object]] = {
     "important.txt": lambda path: report(PLAN, path),
     "page.html": lambda path: report(PLAN, path),
@@ -29,13 +31,13 @@ FUNCTIONS: dict[str, Callable[[Path], object]] = {
 }
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", COMMANDS | FILM)
 def test_a_command_keeps_a_foreign_file(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / name
     path.write_text("precious", encoding="utf-8")
-    assert main([*COMMANDS[name], str(path)]) == 2
+    assert main([*(COMMANDS | FILM)[name], str(path)]) == 2
     assert f"{path}: " in capsys.readouterr().err
     assert path.read_text(encoding="utf-8") == "precious"
     assert list(tmp_path.iterdir()) == [path]
@@ -56,6 +58,37 @@ def test_a_page_of_the_program_is_replaced_and_a_folder_gets_one(tmp_path: Path)
     assert report(PLAN, page) == page
     assert "comparison" not in page.read_text(encoding="utf-8")[:1000]
     assert report(PLAN, tmp_path / "a.folder") == tmp_path / "a.folder/report.html"
+
+
+@pytest.mark.parametrize(
+    ("present", "is_replaced"),
+    [
+        ("# Friction identified from the figures of 24 recordings.\nname: a\n", True),
+        ("# Test rig 1: a simple lead screw.\nname: mine\n", False),
+        ("", False),
+    ],
+)
+def test_results_without_a_manifest_only_replace_files_of_their_kind(
+    present: str, is_replaced: bool, tmp_path: Path
+) -> None:
+    """`identify` and `size` write such results, for example a drive file."""
+    path = tmp_path / "drive.yaml"
+    path.write_text(present, encoding="utf-8")
+    new = "# Friction identified from 3 recordings.\nname: b\n"
+
+    def publish() -> None:
+        with publishing(tmp_path) as temporary:
+            (temporary / path.name).write_text(new, encoding="utf-8")
+            (temporary / "map.pdf").write_text("%PDF", encoding="utf-8")
+
+    if is_replaced:
+        publish()
+        assert path.read_text(encoding="utf-8") == new
+        return
+    with pytest.raises(ExportError, match=r"drive\.yaml is not from this program"):
+        publish()
+    assert path.read_text(encoding="utf-8") == present
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -44,9 +44,7 @@ def run_plan(options: Namespace) -> int:
         result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
     progress(Step("done"))
     lines = summary_lines(result, options.verbose)
-    page = files.get("report" if result.passed else "page")
-    if page is not None:
-        lines.append(f"file     {page}")
+    lines.append(f"file     {files['report' if result.passed else 'page']}")
     if not options.verbose:
         lines = shorten(lines)
     if options.explain:

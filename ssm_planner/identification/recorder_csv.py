@@ -500,9 +500,10 @@ def _split_fields(line: str, separator: str) -> list[str]:
     list of str
         Fields, with the spaces around them.
     """
-    fields = _strip_commas(line).split(separator)
     if separator == ",":
-        fields = next(csv.reader([line.rstrip()]), [])
+        fields: list[str] = next(csv.reader([line.rstrip()]), [])
+    else:
+        fields = _strip_commas(line).split(separator)
     while fields and not fields[-1].strip():
         fields.pop()
     return fields

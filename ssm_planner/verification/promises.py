@@ -723,21 +723,22 @@ def _check_departure(
         The first check states the largest distance from the lines outside of all zones. If the
         phase has corners, a second check states how far from its corner the tip leaves the lines.
     """
-    # Distances from the corners as multiples of the radii of their zones, (n, corners). The nearest
-    # corner is the one with the smallest multiple.
     radii = np.array(promise.corner_distances)
-    shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / radii
-    outside = np.all(shares * radii > radii + CORNER_SLACK, axis=1)
+    # Distances from the corners, (n, corners), and the same as multiples of the radii of the zones.
+    # The nearest corner is the one with the smallest multiple.
+    corner_distances = np.linalg.norm(tips[:, None] - promise.corners, axis=2)
+    shares = corner_distances / radii
+    outside = np.all(corner_distances > radii + CORNER_SLACK, axis=1)
     distances_away = np.where(outside, distances, 0.0)
     k = int(np.argmax(distances_away))
     departure = float(distances_away[k]), float(t[k])
     phase = promise.span.name
     checks = [LimitCheck.from_extreme(PathDeparture(PATH_TOLERANCE), *departure, phase)]
     if promise.corner_distances:
-        nearest_corner = np.argmin(shares, axis=1)
         k = int(np.argmax(np.where(distances > LINE_DEPARTURE, shares.min(axis=1), 0.0)))
-        allowed = promise.corner_distances[int(nearest_corner[k])]
-        reach = allowed * float(shares[k].min()) if distances[k] > LINE_DEPARTURE else 0.0
+        nearest = int(np.argmin(shares[k]))
+        allowed = promise.corner_distances[nearest]
+        reach = float(corner_distances[k, nearest]) if distances[k] > LINE_DEPARTURE else 0.0
         rounding = CornerRounding(allowed)
         checks.append(LimitCheck.from_extreme(rounding, reach, float(t[k]), phase))
     return checks

@@ -485,15 +485,24 @@ sys.exit(cli.main())
     assert not list(tmp_path.rglob(".out-*"))
 
 
-def test_an_interruption_while_the_command_line_is_loaded_leaves_no_traceback():
-    script = """
-import runpy, sys
+@pytest.mark.parametrize(
+    "start",
+    ['import runpy; runpy.run_module("ssm_planner", run_name="__main__")', "installed script"],
+)
+def test_an_interruption_while_the_command_line_is_loaded_leaves_no_traceback(start: str):
+    """The installed script imports and calls the entry point that pyproject.toml declares."""
+    if start == "installed script":
+        project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+        ((module, function),) = re.findall(r'^ssm-planner = "(.+):(.+)"$', project, re.MULTILINE)
+        start = f"from {module} import {function}; sys.exit({function}())"
+    script = f"""
+import sys
 class Interrupts:
     def find_spec(self, name, *_):
         if name == "ssm_planner.cli":
             raise KeyboardInterrupt
 sys.meta_path.insert(0, Interrupts())
-runpy.run_module("ssm_planner", run_name="__main__")
+{start}
 """
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=False

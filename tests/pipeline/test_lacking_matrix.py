@@ -154,7 +154,8 @@ def test_every_objective_and_planner_plans_or_refuses(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # The next test writes the folder of every variant.
-    monkeypatch.setattr("ssm_planner.pipeline.run.write_folder", lambda *_: {})
+    files = {"report": tmp_path / "out/report.html"}
+    monkeypatch.setattr("ssm_planner.pipeline.run.write_folder", lambda *_: files)
     statuses = {}
     for objective, planner in _cases(variant):
         _, problem = _write(tmp_path, variant, objective, planner)

@@ -102,7 +102,8 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
         )
         gif = file.getvalue()
     if path.suffix in (".gif", ".mp4"):
-        with replacing_result(path, plan.sha256) as single:
+        beginning = "GIF89a" if path.suffix == ".gif" else ""
+        with replacing_result(path, plan.sha256, beginning) as single:
             _write_film(gif, single)
         return {path.name: path}
     with publishing_results(path, plan.sha256) as folder:
