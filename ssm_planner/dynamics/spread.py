@@ -390,7 +390,7 @@ def _parameter_value(drive: Drive, name: str) -> float:
 def _check_covariance(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
     """Raise an error unless a matrix is a covariance.
 
-    A covariance is finite and symmetric. It has no negative variance and no negative eigenvalue.
+    A covariance is finite and symmetric. Its variances and eigenvalues are not negative.
     Symmetry and eigenvalues are tested after the matrix has been scaled to unit variances, so that
     the units of the parameters do not matter. The tolerances cover the rounding of the numbers in a
     file.

@@ -162,7 +162,7 @@ POINTER_MEMBERS = (
 shares, weights
     Fractions of an element at which it is evaluated, and their weights in integrals.
 moving, undriven
-    Indices of the moving joints, and for each joint 1 if it has no drive.
+    Indices of the moving joints, and for each joint 1 if it lacks a drive.
 slots
     For every row that such a model can have, its position among the active rows, or −1.
 actuation, drives
@@ -334,8 +334,9 @@ def _parameter_arrays(
         "drives": drives,
         "cost_weights": weights,
         "limits": packed,
-        # A joint without a drive may reverse at any time, so it has no direction. The C code needs
-        # some sign for the effort, and 1 makes the torque of `ACCELERATION_DRIVE` the acceleration.
+        # A joint without a drive may reverse at any time, so its direction is open. The C code
+        # needs some sign for the effort. With 1, the torque of `ACCELERATION_DRIVE` is the
+        # acceleration.
         "sigma": np.where(constant_arrays["undriven"], 1.0, np.broadcast_to(sigma, (count, 4))),
         "fits": _interleaved_fits(*path_fits) if path_fits else [],
     }

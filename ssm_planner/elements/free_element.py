@@ -144,8 +144,8 @@ class FreeElement(ElementModel):
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
         """Build the expressions of the motion and the limits of the joints in one state.
 
-        The speeds of the tool and their limits are squared, because a speed is a norm, which has no
-        derivative at rest.
+        The speeds of the tool and their limits are squared, because the derivative of a speed
+        does not exist at rest. A speed is a norm.
 
         Parameters
         ----------

@@ -154,7 +154,7 @@ class _KernelWriter:
             arguments,
             VECTOR_EXPRESSIONS,
         )
-        # The Hessian of a linear part has no nonzeros. Compilers would warn that its output `bend`
+        # The Hessian of a linear part is zero. Compilers would warn that its output `bend`
         # is not used.
         if not all(argument.size for argument in arguments):
             text = text.replace("{\n", "{\n    (void)bend;\n", 1)
@@ -294,7 +294,7 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
     mechanism: Any = MECHANISM_LAYOUT.unpack(inputs["mechanism"])
     eye: Any = EYE_LAYOUT.unpack(inputs["eye"])
     limits = FreeElement.layout.unpack(inputs["limits"])
-    # The axes of joints 2 and 3 have no y component in the frame of the C code.
+    # The y components of the axes of joints 2 and 3 are 0 in the frame of the C code.
     for name in ("omega2", "omega3"):
         x, z = ca.vertsplit(getattr(mechanism, name))
         setattr(mechanism, name, ca.vertcat(x, 0, z))

@@ -36,7 +36,7 @@ In all known problems, the fourth round failed whenever the third one had failed
 
 @record
 class Outcome:
-    """A planned motion with the result of its check, or the reason why there is no motion.
+    """A planned motion with the result of its check, or the reason why planning failed.
 
     A motion is certified if it has passed the independent check of all limits. Its certificate is
     the result of this check.
@@ -47,7 +47,7 @@ class Outcome:
     certificate: Certificate | None
     """Result of the check. None without a motion."""
     reason: Reason | None
-    """Why the motion failed the check, or why there is no motion. None if a motion passed."""
+    """Why the motion failed the check, or why planning failed. None if a motion passed."""
 
     @property
     def passed(self) -> bool:
@@ -65,7 +65,7 @@ class Outcome:
         """Relative excess of heat of the hottest motor, (RMS torque / continuous torque)² − 1.
 
         The heat of a motor is proportional to its squared RMS torque. The excess is negative if no
-        motor gets too hot. It is None if there is no certificate, if the motion exceeds another
+        motor gets too hot. It is None without a certificate, if the motion exceeds another
         limit, or if no motor is checked for heat.
         """
         certificate = self.certificate
@@ -152,7 +152,7 @@ def check_result(problem: Problem, result: PlannerResult) -> Outcome:
     problem : Problem
         The problem with its original limits.
     result : PlannerResult
-        Result of the planner, with a motion or with the reason why there is none.
+        Result of the planner, with a motion, or with the reason for the failure.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def tighten_limits(problem: Problem, certificate: Certificate) -> Problem | None
     Parameters
     ----------
     problem : Problem
-        The problem as it was planned. Its limits may already be stricter than the original ones.
+        The problem that was planned. Its limits may already be stricter than the original ones.
     certificate : Certificate
         Result of the check with the original limits.
 

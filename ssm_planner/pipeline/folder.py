@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ssm_planner.reporting.figures.process import FigureProcess
 
 NO_PLAN = "no_plan.html"
-"""Name of the page that the folder contains if the problem has no certified motion.
+"""Name of the page that the folder contains if planning fails.
 
 `write_folder` deletes it when there is a plan.
 """

@@ -70,7 +70,7 @@ def plan_mission(
     Returns
     -------
     outcome : Outcome
-        The fastest certified motion, or the failure if there is none. The `candidates` (ways to
+        The fastest certified motion, or the failure without one. The `candidates` (ways to
         move that were tried) of its field `planned` include the alternatives.
     problem : Problem
         The problem of that motion, in which joint positions replace some targets.
@@ -199,7 +199,7 @@ class _Search:
             Returns
             -------
             MissionMotion or Reason
-                The certified motion, or the reason why there is none.
+                The certified motion, or the reason why planning failed.
             """
             outcome = self.plan(with_fast_planner(alternative))
             if outcome.reason is not None:

@@ -37,7 +37,7 @@ CHANGE_FACTORS = (1.0, 1.1, 1.5, 3.0)
 The first factor that gives a motion is taken. A bisection then tries smaller changes.
 """
 BISECTION_ACCURACY = 0.9
-"""Largest change that gives no motion, divided by the smallest one that does, at the end.
+"""Largest change that does not suffice, divided by the smallest one that does, at the end.
 
 The bisection ends when this ratio is reached. The reported change is thus at most 1 / 0.9, that is,
 about 11 %, larger than necessary.
@@ -195,7 +195,7 @@ class TriedRelaxation:
     outcome: float | Reason
     """Duration of the motion with the change, s, or the reason of the failure."""
     combined: tuple[str, ...] = ()
-    """Descriptions of further changes, without which this one gives no motion."""
+    """Descriptions of further changes, without which this one does not suffice."""
     alternatives: "tuple[TriedRelaxation, ...]" = ()
     """Other changes, each of which gives a motion alone."""
 
@@ -253,13 +253,13 @@ def find_relaxation(
     Parameters
     ----------
     problem : Problem
-        The problem, which has no motion within its limits.
+        The problem, which is infeasible within its limits.
     reason : Reason
         Reason of the failure.
     plan : callable
         Function that plans a problem. It returns the duration of the motion in s, or a reason.
     duration : float or None
-        Duration of the motion that exceeds a limit according to the check, s. None if there is no
+        Duration of the motion that exceeds a limit according to the check, s. None without a
         motion at all.
     feasible : callable or None
         Like `plan`, but faster, because it returns the first motion that it finds. None: `plan` is
@@ -274,7 +274,7 @@ def find_relaxation(
     TriedRelaxation or None
         A change with its outcome, and other changes that give a motion as its `alternatives`. If no
         change gives a motion, the result is the change of the limit that the reason names, with the
-        reason why it does not suffice. None if there is no such change either.
+        reason why it does not suffice. None if this change does not exist either.
     """
     relaxation = relaxation_for(problem, reason)
     if relaxation is None and eye_forbids_target(problem):
@@ -372,7 +372,7 @@ class _RelaxationSearch:
         shares : sequence of float
             Increasing shares of the full change, tried in turn until one gives a motion.
         lower : float
-            A share below all of these, which gives no motion.
+            A share below all of these, which does not suffice.
         stop_if : callable
             Function that receives a failed attempt. It returns True if larger shares cannot help.
 
@@ -410,7 +410,7 @@ class _RelaxationSearch:
         shares : sequence of float
             Increasing shares of the full change, tried in turn until one gives a motion.
         lower : float
-            A share below all of these, which gives no motion.
+            A share below all of these, which does not suffice.
         plan : callable
             Function that plans a problem. It returns the duration of the motion in s, or a reason.
         stop_if : callable
@@ -490,7 +490,7 @@ class _RelaxationSearch:
         Returns
         -------
         TriedRelaxation or None
-            The last change, with the others in its field `combined`. If they give no motion, the
+            The last change, with the others in its field `combined`. If they do not suffice, the
             result is the first change alone. None if the first limit cannot be changed so far.
         """
         initial = attempt = self.smallest_change_of_limit(relaxation)
@@ -521,7 +521,7 @@ class _RelaxationSearch:
         -------
         TriedRelaxation or None
             The first limit whose relaxation gives a motion, with the smallest such change that a
-            bisection finds. None if there is no motion before the work budget is spent.
+            bisection finds. None if the search finds no motion before the work budget is spent.
         """
         # `short` is the previous share, which has given no motion.
         for short, share in pairwise((0.0, *TRIAL_SHARES)):
@@ -619,7 +619,7 @@ def _is_other_limit_to_blame(attempt: TriedRelaxation) -> bool:
     Parameters
     ----------
     attempt : TriedRelaxation
-        A change of a limit that gives no motion.
+        A change of a limit that does not suffice.
     """
     if not isinstance(attempt.outcome, Reason) or attempt.outcome.limit is None:
         return False
@@ -633,7 +633,7 @@ def _is_other_limit_to_blame(attempt: TriedRelaxation) -> bool:
 def _other_relaxations(
     problem: Problem, reason: Reason, duration: float | None
 ) -> Iterator[tuple[Relaxation, Sequence[float]]]:
-    """Yield changes of the problem that leave the limits of the robot and the task as they are.
+    """Yield changes of the problem that keep the limits of the robot and the task.
 
     If a motor gets too hot, these are a pause and a longer duration. If the failure may be due to
     the velocity at an end of the motion, they are lower rates at each end that has rates.
@@ -645,7 +645,7 @@ def _other_relaxations(
     reason : Reason
         Reason of the failure, with the required and the available value.
     duration : float or None
-        Duration of the motion that exceeds a limit according to the check, s. None if there is no
+        Duration of the motion that exceeds a limit according to the check, s. None without a
         motion at all.
 
     Yields

@@ -58,7 +58,7 @@ def retime(
     Returns
     -------
     Plan
-        The motion, which has passed the independent check, or the reason why there is none.
+        The motion, which has passed the independent check, or the reason why planning failed.
 
     Raises
     ------

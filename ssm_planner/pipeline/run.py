@@ -90,7 +90,7 @@ def plan(
     on_solution : callable
         Called with each motion before it is checked.
     relaxations : bool
-        True if the planner looks for a change of a limit where there is no motion.
+        True if the planner looks for a change of a limit where planning fails.
     on_relaxation : callable
         Called with the problem with the changed limit, if it has a motion.
     stoppable : bool
@@ -100,7 +100,7 @@ def plan(
     Returns
     -------
     Plan
-        The motion with its certificate, or the reason why there is none.
+        The motion with its certificate, or the reason why planning failed.
 
     Examples
     --------
@@ -212,8 +212,8 @@ class Replanner:
     package then computes the motion, and Ipopt does not confirm it.
 
     The optimisation problems and compiled functions are built once and kept for the last dozen
-    kinds of motions, so the memory does not grow. A plan is the same to the last bit whatever was
-    planned before. Several threads may share a replanner.
+    kinds of motions, so the memory does not grow. Earlier plans do not change a single bit of later
+    ones. Several threads may share a replanner.
 
     Examples
     --------
@@ -234,7 +234,7 @@ class Replanner:
     ) -> Plan:
         """Plan the problem with another start, other rates there, or another target.
 
-        The plan is checked independently. If there is no motion, no change of a limit is searched.
+        The plan is checked independently. If planning fails, no change of a limit is searched.
 
         Parameters
         ----------
@@ -251,7 +251,7 @@ class Replanner:
         Returns
         -------
         Plan
-            The motion with its certificate, or the reason why there is none.
+            The motion with its certificate, or the reason why planning failed.
 
         Raises
         ------
@@ -272,7 +272,7 @@ class Replanner:
     def plan_from(self, motion: Plan | Trajectory, at: float, target: Point | None = None) -> Plan:
         """Plan the problem from an instant of a motion, with the velocities at this instant.
 
-        The plan is checked independently. If there is no motion, no change of a limit is searched.
+        The plan is checked independently. If planning fails, no change of a limit is searched.
 
         Parameters
         ----------
@@ -287,7 +287,7 @@ class Replanner:
         Returns
         -------
         Plan
-            The motion with its certificate, or the reason why there is none.
+            The motion with its certificate, or the reason why planning failed.
 
         Raises
         ------
@@ -428,7 +428,7 @@ def _complete_point(base: Point, point: Point) -> Point:
     """Add the missing task coordinates of a point from another point.
 
     Task coordinates are roll, tilt, spin and depth. A point that is given in another way, for
-    example by joint positions, has no missing coordinates and is returned unchanged.
+    example by joint positions, is complete and is returned unchanged.
 
     Parameters
     ----------
@@ -463,7 +463,7 @@ def _nominal_duration(problem: Problem, progress: Progress) -> float | None:
     Returns
     -------
     float or None
-        Duration, s. None if the problem has no such range, or if planning without it fails.
+        Duration, s. None without such a range, or if planning without it fails.
     """
     if problem.friction is None and problem.payload is None:
         return None
@@ -484,7 +484,7 @@ def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, .
     problem : Problem
         The problem.
     result : PlannerResult
-        Result of the planner. If a phase has no motion, no deviations are measured.
+        Result of the planner. If a phase lacks a motion, no deviations are measured.
 
     Returns
     -------

@@ -16,7 +16,7 @@ e = max_i h_i/(T + P) − 1 falls with λ, so the search looks for the λ at whi
 dT = −λ/(1 − λ) dh, so a motion with e = −GAP takes longer than the fastest one by a share of less
 than GAP.
 
-Towards λ = 1, time has no price, and every phase takes the time in which it produces the least
+Towards λ = 1, time costs nothing, and every phase takes the time in which it produces the least
 heat. If motors are still too hot then, they only cool if they rest or move more slowly. First, the
 phases in which the hot motors rest take longer, because that adds no heat. If the hot motors never
 rest, or if longer rests do not suffice, all phases take longer and are planned again for the least
@@ -147,7 +147,7 @@ class ThermalSearch:
     def _extend_rests(self, problem: Problem, share: float) -> Outcome:
         """Make those phases of the best motion longer in which all hot motors rest.
 
-        A phase is an entry of the motion list. If there is no such phase, the motion is returned
+        A phase is an entry of the motion list. Without such a phase, the motion is returned
         unchanged.
 
         Parameters
@@ -268,7 +268,7 @@ class ThermalSearch:
         Returns
         -------
         float
-            Duration T + e (T + P), s. Infinite if there is no motion, or if the motion exceeds
+            Duration T + e (T + P), s. Infinite without a motion, or if the motion exceeds
             another limit.
         """
         if outcome.excess_heat is None:
@@ -342,7 +342,7 @@ def _find_smallest_cool(
 def _may_take_longer(phase: PlannedPhase) -> bool:
     """Return True if a phase may be slowed down.
 
-    This requires that the problem prescribes neither the duration nor a constant speed of the phase
+    This requires a phase without a prescribed duration or constant speed
     (entry of the motion list), and that it begins and ends at rest.
 
     Parameters

@@ -82,7 +82,7 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
     Returns
     -------
     Robot
-        The robot with its corners. Its own limits and nominal values remain as they are.
+        The robot with its corners. Its own limits and nominal values do not change.
     """
     if problem.friction is None and problem.payload is None:
         return robot
@@ -118,7 +118,7 @@ def _bounding_drives_of_joint(joint: Joint, share: float | None) -> tuple[Drive 
         The joint with its drive and motor.
     share : float or None
         Confidence level of the range of friction: the fraction of the equally likely parameter sets
-        that the range contains, between 0 and 1. None if the problem states no range.
+        that the range contains, between 0 and 1. None without a range in the problem.
 
     Returns
     -------

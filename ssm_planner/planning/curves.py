@@ -85,7 +85,7 @@ class CurveFollower:
                 # Row 0 of `tasks` and `joints` is the previous point. The whole turns by which it
                 # differs from its known joint positions are added to all points.
                 turns = np.round((rows[-1] - joints[0]) / (2 * np.pi))
-                # Joint 4 translates, so it has no turns.
+                # Joint 4 translates, so it does not turn.
                 joints = (joints + 2 * np.pi * turns * (1, 1, 1, 0))[1:]
                 task = tasks[-1]
             rows = np.vstack([rows, joints])
@@ -155,7 +155,7 @@ class CurveFollower:
             and np.ptp(spins) < ROUNDING_TOLERANCE
         ):
             return q
-        # Only an arc can have no curve, if its three points lie on one line.
+        # Only an arc may lack a curve, if its three points lie on one line.
         curve = self._curve_through(tips)
         if curve is None:
             reason = "the three points of this arc lie on one line"
@@ -224,7 +224,7 @@ class CurveFollower:
         """
         if self.motion.file is not None:
             return name
-        # An arc has a single point between start and end, so its key has no index.
+        # An arc has a single point between start and end, so its key lacks an index.
         via_key = "through" if self.motion.curve == "arc" else f"through[{k}]"
         return f"{'to' if k == len(self.motion.through) else via_key}.{name}"
 
@@ -335,7 +335,7 @@ class CurveFollower:
         -------
         joints : (n, 4) array
             Joint positions, rad (joints 1 to 3) and m (joint 4). For a motion that keeps its
-            distance from the retina, both rows are `q`, because such a motion needs no joint
+            distance from the retina, both rows are `q`, because such a motion does not need joint
             positions at its end.
         tips : (n, 3) array
             Positions of the tip, m.

@@ -56,7 +56,7 @@ RATE_KEYS = ("start_rate", "end_rate")
 class _PhaseSamples:
     """Joint positions along a phase at which limits are tested.
 
-    A phase is an entry of the motion list with its joint positions. If the phase has no given path,
+    A phase is an entry of the motion list with its joint positions. Without a given path,
     the samples are its points, and s is spaced evenly from point to point.
     """
 
@@ -97,7 +97,7 @@ class _PhaseSamples:
     def refined(self, k: int) -> "_PhaseSamples":
         """Sample the path again, from the sample before sample k to the sample after it.
 
-        The number of samples remains the same. If the phase has no given path, it cannot be sampled
+        The number of samples remains the same. Without a given path, it cannot be sampled
         between its points, and the samples are returned unchanged.
 
         Parameters
@@ -629,7 +629,7 @@ def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     ----------
     phase : Phase
         The phase (entry of the motion list) at the start or at the end of the motion, with its end
-        velocities. It has no given path.
+        velocities. The solver chooses its path.
 
     Yields
     ------

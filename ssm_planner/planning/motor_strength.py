@@ -36,7 +36,7 @@ def explain_failure(phase: Phase, path: JointPath, message: str) -> Reason:
     """Return the reason why a solver found no motion of a phase.
 
     The reason names a motor that is too weak somewhere on the path, or a place that the eye
-    forbids. If neither is found, the reason contains only the solver's message.
+    forbids. Otherwise, the reason contains only the solver's message.
 
     Parameters
     ----------

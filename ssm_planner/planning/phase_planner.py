@@ -93,7 +93,7 @@ class PhasePlanner:
 
     @property
     def without_duration(self) -> "PhasePlanner":
-        """Copy that plans the fastest motion of the phase, whatever duration is requested.
+        """Copy that plans the fastest motion of the phase, for any requested duration.
 
         Ipopt does not confirm the motion.
         """
@@ -117,7 +117,7 @@ class PhasePlanner:
         Returns
         -------
         PlannedPhase or Reason
-            The phase (entry of the motion list) with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why planning failed.
         """
         motion = self.phase.motion
         if isinstance(motion, Follow) and motion.constant_speed is not None:
@@ -158,7 +158,7 @@ class PhasePlanner:
         Returns
         -------
         PlannedPhase or Reason
-            The phase (entry of the motion list) with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why planning failed.
         """
         phase = self.phase
         # The test assumes that joints start from rest and move towards their targets. A joint that
@@ -196,7 +196,7 @@ class PhasePlanner:
         Returns
         -------
         PlannedPhase or Reason
-            The phase (entry of the motion list) with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why planning failed.
         """
         return self._free_result(find_best_free(fastest.motion, cutoff))
 
@@ -211,7 +211,7 @@ class PhasePlanner:
         Returns
         -------
         PlannedPhase or Reason
-            The phase (entry of the motion list) with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why planning failed.
         """
         return self.phase_result(
             self._direct_path, limit_stop_travel(self.phase, self.strict, motion)
@@ -319,7 +319,7 @@ class PhasePlanner:
         """Return a motion along a path by optimal control. Its guess is the motion of TOPP-RA.
 
         TOPP-RA computes the fastest timing of the path on a grid, without jerk limits. If optimal
-        control gives no motion, the motion of TOPP-RA is the result where it meets all requirements
+        control fails, the motion of TOPP-RA is the result where it meets all requirements
         (`_toppra_suffices`).
 
         Parameters
@@ -330,7 +330,7 @@ class PhasePlanner:
         Returns
         -------
         PlannedPhase or Reason
-            The phase (entry of the motion list) with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why planning failed.
         """
         problem = self.problem
         speeds = self.phase.speeds_along(path)

@@ -654,7 +654,8 @@ def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phas
     """
     if len(chain) == 1:
         return chain[0]
-    # `blend` is the distance from the corner at the end of a motion, so the last one has none.
+    # `blend` is the distance from the corner at the end of a motion. The last motion ends without
+    # a corner.
     distances = [getattr(phase.motion, "blend", 0.0) for phase in chain[:-1]]
     pieces = []
     try:

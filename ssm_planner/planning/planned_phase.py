@@ -32,7 +32,8 @@ class PlannedPhase:
 def planned_rest(phase: Phase) -> PlannedPhase:
     """Return the motion of a phase in which the robot rests.
 
-    It takes the requested duration of the phase. Without one, it takes no time and has no piece.
+    It takes the requested duration of the phase. Without one, its duration is 0, and its motion
+    contains no pieces.
 
     Parameters
     ----------

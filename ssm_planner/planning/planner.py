@@ -41,7 +41,7 @@ class PlannerResult:
     trajectory: Trajectory | None
     """Motion of the whole problem. None if a phase has no motion."""
     phases: tuple[PlannedPhase, ...]
-    """Phases with their motions. After a failure, those before the phase that has no motion."""
+    """Phases with their motions. After a failure, those before the phase that failed."""
     reason: Reason | None
     """Why there is no motion. None if there is one."""
     candidates: tuple[tuple[CandidateEntry, ...], ...] = ()
@@ -199,7 +199,7 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | No
     float
         The requested duration of the problem, or else the sum of the estimates of all phases
         (entries of the motion list). Infinite if the motion would not be shorter than `cutoff`, if
-        it cannot keep the requested duration, or if a phase has no motion.
+        it cannot keep the requested duration, or if planning a phase fails.
     """
     of_time = unchecked_copy(problem, objective="time")
     phases, reason = feasible_phases(of_time)

@@ -97,7 +97,7 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     -------
     Borders or None
         Points and reversals between which no joint reverses, with the motion as the guess of the
-        next solve. None if the motion has no multipliers, if no sum of multipliers is large enough,
+        next solve. None without multipliers, if no sum of multipliers is large enough,
         or if the new directions of the joints equal the old ones.
     """
     multipliers = motion.direction_multipliers

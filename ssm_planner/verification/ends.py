@@ -66,7 +66,7 @@ class JumpRecorder:
             The polynomial pieces that follow those of the previous call.
         """
         starts, ends = pieces.end_states
-        # The first piece of the motion has no jump, so it is compared with its own start.
+        # The motion cannot jump before its first piece, which is compared with its own start.
         previous_end = starts[0] if self._previous_end is None else self._previous_end
         self._previous_end = ends[-1]
         jump = np.abs(starts - np.concatenate([previous_end[None], ends[:-1]]))

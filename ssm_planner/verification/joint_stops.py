@@ -301,7 +301,7 @@ def _limit_excesses(stops: list[StopPieces], robot: Robot, limits: TaskLimits) -
     index = np.repeat(np.arange(len(lengths)), len(LIMIT_SAMPLE_FRACTIONS))
     samples = joined.sample_pieces(index, np.outer(lengths, LIMIT_SAMPLE_FRACTIONS).ravel())
     limited = [WorstValue(quantity) for quantity in limited_quantities(robot, limits)]
-    # Only its method `evaluate` is used, so the sampling rate has no effect.
+    # Only its method `evaluate` is used, so the sampling rate does not matter.
     law = SampledExtremes(joined, robot, limited, rate=1.0, eye=limits.eye)
     direction = np.where(np.abs(samples.qd) > rest_speeds(robot), np.sign(samples.qd), 0.0)
     # Near a reversal, the friction may be static.

@@ -197,7 +197,7 @@ def test_interpolated_efforts_are_those_of_the_law_except_at_jumps(
     name: str, request: pytest.FixtureRequest
 ) -> None:
     """The error is at most 1 % of the largest effort. A larger error lasts less than two jump
-    intervals. A joint that starts or stops counts as resting while it is hardly faster than 0.
+    intervals. A joint that starts or stops counts as resting while its speed is almost 0.
     """
     if name.endswith("plan"):
         plan: Plan = request.getfixturevalue(name)

@@ -88,7 +88,7 @@ class Candidate(ABC, Generic[P, R]):
     def estimate(self, cutoff: float) -> R | Reason | None:
         """Return an approximate motion of this candidate (way to move), or None for no estimate.
 
-        A kind needs no estimate if computing the solution at once takes no more work.
+        A kind can omit the estimate if computing the solution at once takes no more work.
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class Candidate(ABC, Generic[P, R]):
         -------
         R, Reason or None
             The approximate motion, whose duration decides whether the candidate is solved. A
-            reason states why the candidate gives no motion. None: the search computes the solution
+            reason states why the candidate fails. None: the search computes the solution
             at once.
         """
         return None
@@ -120,7 +120,7 @@ class Candidate(ABC, Generic[P, R]):
         Returns
         -------
         R or Reason
-            The motion, or the reason why there is none.
+            The motion, or the reason why planning failed.
         """
 
 
@@ -139,7 +139,7 @@ class Evaluation(Generic[P, R]):
     estimate: R | None = None
     """Approximate motion, if the candidate estimates it."""
     result: R | Reason | None = None
-    """The solution, or the reason why there is none. None as long as the candidate is not solved.
+    """The solution, or the reason why planning failed. None until the candidate is solved.
 
     It remains None if another motion is shorter than the bound or the estimate of this candidate.
     """
@@ -157,7 +157,7 @@ class Evaluation(Generic[P, R]):
 
     @property
     def failed(self) -> Reason | None:
-        """Reason why the candidate (way to move) gives no motion.
+        """Reason why the candidate (way to move) fails.
 
         None if the candidate gives a motion, or if it was not solved.
         """
@@ -167,8 +167,8 @@ class Evaluation(Generic[P, R]):
         """Compute the next step of the candidate (way to move), an estimate or the solution.
 
         The first call computes the estimate and stores it in `estimate`. The second call computes
-        the solution and stores it in `result`. If this kind of candidate has no estimate, the first
-        call computes the solution.
+        the solution and stores it in `result`. If this kind of candidate is solved without
+        an estimate, the first call computes the solution.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ class Evaluation(Generic[P, R]):
         -------
         dict
             The key `outcome` has the value "taken", "slower", "slower by its bound" or "slower by
-            its estimate", or the message of the reason why the candidate gives no motion. The
+            its estimate", or the message of the reason why the candidate fails. The
             other keys are `kind`, `bound`, `estimate` and `duration` (all three in s), and
             `effort`, the work spent. `estimate` and `duration` are None if they were not computed.
         """

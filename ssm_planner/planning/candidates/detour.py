@@ -72,7 +72,7 @@ class Detour(FallbackCandidate):
             Duration in s. A motion that takes at least as long is of no use. It is not used,
             because the direct motion, the only faster one, has already failed.
         estimate : PlannedPhase or None
-            None, because this kind of candidate (way to move) has no estimate.
+            None, because this kind of candidate (way to move) is solved at once.
 
         Returns
         -------

@@ -43,8 +43,8 @@ class Direct(PhaseCandidate):
         Returns
         -------
         PlannedPhase, Reason or None
-            The phase with the approximate motion, or the reason why there is none. None if no other
-            candidate can be faster, so that the motion is completed at once.
+            The phase with the approximate motion, or the reason why planning failed. None if no
+            other candidate can be faster, so that the motion is completed at once.
         """
         planner = self.planner
         is_fastest_wanted = planner.phase.motion.duration is None and planner.cooling is None
@@ -55,7 +55,7 @@ class Direct(PhaseCandidate):
         """Return the motion that is best for the objective of the problem.
 
         Ipopt confirms it if the planner of the problem asks for that. If the motion of the estimate
-        cannot be completed, the free motion is solved anew.
+        cannot be completed, the free motion is solved again.
 
         Parameters
         ----------
@@ -68,7 +68,7 @@ class Direct(PhaseCandidate):
         Returns
         -------
         PlannedPhase or Reason
-            The phase (entry of the motion list) with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why planning failed.
         """
         planner = self.planner
         if planner.phase.path is not None:

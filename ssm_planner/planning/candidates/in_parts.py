@@ -97,7 +97,8 @@ class InParts(FallbackCandidate):
         second, duration = result.motion, phase.motion.duration
         if duration is not None:
             needed = first.duration + second.duration
-            # A rest cannot be slowed down, nor a motion that must end with a given velocity.
+            # A rest cannot be slowed down. The same applies to a motion that must end with a given
+            # velocity.
             if (
                 needed > duration * (1 + EQUALITY_TOLERANCE)
                 or not second.duration
@@ -190,7 +191,7 @@ class InTurn(InParts):
         cutoff : float
             Duration in s. It is not used, because both parts are always planned completely.
         estimate : PlannedPhase or None
-            None, because this kind of candidate (way to move) has no estimate.
+            None, because this kind of candidate (way to move) is solved at once.
 
         Returns
         -------

@@ -20,7 +20,7 @@ task line     along a straight line in task coordinates    if `direct` fails
 `search.find_fastest` computes a candidate in steps, from a lower bound of its duration to an
 estimate (an approximate motion), and from there to its solution. The candidate with the smallest
 known duration is always the next one. It is dropped if its bound or its estimate is not shorter
-than the best motion by a share of `tolerances.GAP`, or if it has no motion. `Evaluation.to_dict`
+than the best motion by a share of `tolerances.GAP`, or if it failed. `Evaluation.to_dict`
 states the reason, which `ssm-planner plan --explain` prints.
 
 For a free motion between two points from rest to rest, the search therefore estimates `direct`,

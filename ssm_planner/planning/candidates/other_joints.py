@@ -32,7 +32,7 @@ from ssm_planner.problem import Free, Joints, Motion, Problem, unchecked_copy
 from ssm_planner.typing import Array, record
 
 MAX_RESCUES = 3
-"""Largest number of other joint positions that are planned if the nearest ones give no motion.
+"""Largest number of other joint positions that are planned if the nearest ones fail.
 
 The search usually drops candidates that cannot be faster than the best motion. Without a motion,
 only their number limits the work.
@@ -306,7 +306,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         OtherJoints
             At most one candidate.
         """
-        # For the test, the start is given by its joint positions, so that it has no alternatives.
+        # For the test, the start is given by its joint positions, so that it is unique.
         start = Joints.from_array(planner.phases[0].q_start)
         problem = _replace_target(unchecked_copy(planner.problem, start=start), *planner.target, q)
         try:
@@ -375,7 +375,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         MissionMotion or Reason
             A `MissionMotion` that contains only the duration. A reason if the duration is not
             shorter than `cutoff`. None does not occur. The base class permits it for candidates
-            that have no estimate.
+            that are solved without one.
         """
         self.planner.report()
         nominal = unchecked_copy(self.problem, friction=None, payload=None)
@@ -397,7 +397,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         Returns
         -------
         MissionMotion or Reason
-            The motion that has passed the check, or the reason why there is none.
+            The motion that has passed the check, or the reason why planning failed.
         """
         return self.planner.plan(self.problem)
 

@@ -1,7 +1,7 @@
 """Free motions on which joints reverse between the given points to save time.
 
 The planner chooses the path of a free motion. It first computes the direct motion, whose joints
-reverse only where they must. If there are no via points (given points between start and end), the
+reverse only where they must. Without via points (given points between start and end), the
 Lagrange multipliers of the direct motion suggest further reversals (`reversals.py`). If there are
 via points, closed forms suggest velocities at these points. A joint that passes a via point at such
 a velocity must reverse before or after it (`via_velocities.py`).
@@ -111,7 +111,7 @@ class Reversing(PhaseCandidate):
         -------
         PlannedPhase, Reason or None
             The phase (entry of the motion list) with its estimated motion, or the reason
-            `NO_SAVING`. None for a phase with via points, whose reversals need no estimate.
+            `NO_SAVING`. None for a phase with via points, whose reversals are solved at once.
         """
         planner = self.planner
         if len(planner.phase.points) > 2:
@@ -121,7 +121,7 @@ class Reversing(PhaseCandidate):
         def solve(borders: Borders, limit: float) -> PhaseSolution | None:
             """Return the fastest motion whose joints reverse only at `borders`, or None.
 
-            None means that there is no motion. The solver may give up on a motion that takes longer
+            None means that the solver failed. The solver may give up on a motion that takes longer
             than `limit`, in s.
             """
             result = quick.free(borders, cutoff=limit, count=DEFAULT_ELEMENTS)
@@ -138,7 +138,7 @@ class Reversing(PhaseCandidate):
 
         It is solved with twice as many elements (intervals of time) as the estimate. With the
         planner `fast` and the objective `time`, the estimate is the solution if the finer mesh
-        gives no motion, or one that is longer than `cutoff`.
+        fails, or gives a motion that is longer than `cutoff`.
 
         Parameters
         ----------

@@ -85,13 +85,13 @@ class StopFirst(InParts):
         cutoff : float
             Duration in s. It is not used, because both parts are always planned completely.
         estimate : PlannedPhase or None
-            None, because this kind of candidate (way to move) has no estimate.
+            None, because this kind of candidate (way to move) is solved at once.
 
         Returns
         -------
         PlannedPhase or Reason
-            The phase (entry of the motion list) with its motion, or the reason why there is no stop
-            or no motion after it.
+            The phase (entry of the motion list) with its motion, or the reason why the stop or
+            the motion after it failed.
         """
         stop = self._stop()
         if stop is None:

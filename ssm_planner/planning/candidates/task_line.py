@@ -66,12 +66,12 @@ class TaskLine(FallbackCandidate):
         cutoff : float
             Duration in s. It is not used, because the direct motion, the faster one, has failed.
         estimate : PlannedPhase or None
-            None, because this kind of candidate (way to move) has no estimate.
+            None, because this kind of candidate (way to move) is solved at once.
 
         Returns
         -------
         PlannedPhase or Reason
-            The phase (entry of the motion list) with its motion, or the reason why there is none.
+            The phase (entry of the motion list) with its motion, or the reason why planning failed.
             The reason names no limit.
         """
         assert self.line.path is not None

@@ -347,7 +347,7 @@ class _FreeProblemBuilder:
         # motion, get a single unknown for each segment.
         if self.method in ("Ipopt", "estimated") or self.borders.guess is not None:
             return self.method != "Ipopt"
-        # Ports are no reversals. Other borders with a free position are.
+        # Joints reverse at borders with a free position, except at ports.
         reverses = not np.delete(chain.fixed, chain.ports, axis=0).all()
         # With a single unknown for each segment, a jerk-limited motion through several points would
         # be up to 0.13 % longer, and one that begins with an acceleration up to 4 %.

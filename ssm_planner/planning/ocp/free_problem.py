@@ -381,7 +381,7 @@ class FreeProblem(OcpProblem):
         values[:, self.moving] = multipliers.direction * (
             velocity[self.moving] / self.unit[self.moving]
         )
-        # Joints at rest have no such multipliers, so their savings follow from reduced costs.
+        # Joints at rest lack such multipliers, so their savings follow from reduced costs.
         standing = np.setdiff1d(np.arange(4), self.moving)
         if standing.size and multipliers.rows.any():
             gradient = self._gradient_of_all_joints(solution, multipliers)
@@ -496,8 +496,9 @@ class FreeProblem(OcpProblem):
             (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),
             (joints(next_states[0], 0), joints(next_states[1], 1), joints(pieces.a1, 2)),
         )
-        # A passage of the port is no border for later steps, so the segments before and after it
-        # are joined. Their directions can be added, because a joint never reverses at the port.
+        # Later steps do not treat a passage of the port as a border, so the segments before and
+        # after it are joined. Their directions can be added, because a joint never reverses at the
+        # port.
         border_indices = [k for k in range(len(self.chain.points)) if k not in self.chain.ports]
         border_instants = breaks[[*solution.structure.borders, count]][border_indices]
         directions = np.sign(np.add.reduceat(self.directions, border_indices[:-1]))

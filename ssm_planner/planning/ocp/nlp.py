@@ -58,7 +58,7 @@ class NlpStructure:
     coordinate reverses. Blocks are groups of elements that share one unknown duration. Together
     with the functions of one element (the element model), the structure determines all expressions
     of the program. Programs with the same structure and element model therefore share their
-    compiled functions, whatever the values of their limits and positions.
+    compiled functions, for all values of their limits and positions.
     """
 
     moves: tuple[tuple[bool, ...], ...]
@@ -88,7 +88,7 @@ class NlpStructure:
         Parameters
         ----------
         counts : (n,) int array
-            Number of parts of each element. An element with one part stays as it is.
+            Number of parts of each element. An element with one part is not divided.
 
         Returns
         -------
@@ -146,7 +146,7 @@ class NlpStructure:
         """Convert the elements of a motion to the vector of variables of Ipopt's program.
 
         The vector contains u and u̇ at the start and ü at both ends of every element (time
-        interval), then the durations of the blocks. The lengths of the elements are no variables,
+        interval), then the durations of the blocks. The lengths of the elements are not variables,
         because they follow from these durations.
 
         Parameters
@@ -497,7 +497,7 @@ def divide_elements(elements: Array, counts: Indices) -> Array:
         u, u̇, ü at the start, ü at the end (m numbers each), and length of every element (time
         interval).
     counts : (n,) int array
-        Number of parts of each element. An element with one part stays as it is.
+        Number of parts of each element. An element with one part is not divided.
 
     Returns
     -------

@@ -218,7 +218,7 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
     the structured solver's motion, because it satisfies the dynamics exactly even in very short
     elements (time intervals). If Ipopt's motion is shorter (or cheaper) by more than the share
     `EQUALITY_TOLERANCE`, the result is Ipopt's motion. A motion is returned unchanged if the method
-    of the problem asks for no confirmation, or if there is no optimum of the structured solver.
+    of the problem asks for no confirmation, or if the structured solver has not converged.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ class OcpProblem(ABC):
         """Limits of |u̇|, |ü| and |u⃛| of the m coordinates u, in scaled time.
 
         Each has the shape (m,), or (n, m) if it differs between the n elements (time intervals). An
-        entry is infinite where there is no limit.
+        entry is infinite without a limit.
         """
 
     @property
@@ -333,7 +333,7 @@ def parabolic_peak(values: Array) -> Array:
     curvature = following - 2 * centre + previous
     with np.errstate(divide="ignore", invalid="ignore"):
         # Distance of the vertex from the middle sample, in steps between samples. It is limited to
-        # one step. A straight line has no vertex, so its division by 0 gives 0 or ±1 here.
+        # one step. A straight line lacks a vertex, so its division by 0 gives 0 or ±1 here.
         offset = np.clip(np.nan_to_num(-slope / curvature), -1.0, 1.0)
     return np.asarray(
         np.maximum(peak, centre + offset * (slope + offset * curvature / 2)).reshape(

@@ -2,7 +2,7 @@
 
 The estimates are of first order. A joint that moves has Lagrange multipliers of the constraint "its
 velocity keeps its direction", and these multipliers are the savings. A joint j at rest is not an
-unknown of the nonlinear program, so it has no such multipliers. Its reduced costs follow from the
+unknown of the nonlinear program, so it lacks such multipliers. Its reduced costs follow from the
 path constraints G(z_k) of the elements k (time intervals) and from their multipliers λ_k:
 
     ℓ = Σ_k λ_kᵀ G(z_k),   c_k = ∂ℓ/∂v_k

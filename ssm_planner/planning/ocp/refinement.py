@@ -412,7 +412,7 @@ def constraints_above(names: list[RowName], values: Array, threshold: float) -> 
         Names and joints of the selected constraints.
     """
     above = values > threshold
-    # Index of the motor that each constraint belongs to, or −1 if it is no torque constraint. The
+    # Index of the motor that each constraint belongs to, or −1 for other constraints. The
     # second entry of a torque constraint's name is joint + 4 k with the index k of the extreme (see
     # `RowName`), so its remainder modulo 4 is the joint.
     motors = np.array(

@@ -396,7 +396,7 @@ class SegmentChain:
         -------
         (1, 4) or (2, 4) array
             Directions +1, −1 or 0 before and after the passage. One row if the segment need not be
-            divided, because the tip neither passes the port nor waits at it.
+            divided, because the tip does not pass the port or wait at it.
         """
         # Depths beyond the port at both ends of the segment. `shallow_end` is the index of the
         # smaller one.

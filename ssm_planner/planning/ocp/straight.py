@@ -385,7 +385,7 @@ def _path_jerk_limits(robot: Robot, path: JointPath, s: Array) -> Array:
     """Compute the largest s⃛ that the jerk limits of the joints allow while ṡ is small.
 
     The jerk of joint i is q'_i s⃛ + 3 q''_i ṡ s̈ + q'''_i ṡ³, with primes for derivatives with
-    respect to s. For small ṡ only the first term matters. The mesh needs no better estimate.
+    respect to s. For small ṡ only the first term matters. This estimate suffices for the mesh.
 
     Parameters
     ----------

@@ -466,7 +466,7 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     offset = 0 if is_bounded.any() else m
     columns = np.r_[offset : 4 * m, 4 * m + 1 : 5 * m + 1]
     identity = np.eye(5 * m + 1)[columns]
-    # Fixed values need no bounds. Without velocity limits, u̇ has only the lower bound v_min = 0,
+    # Fixed values are not bounded. Without velocity limits, u̇ has only the lower bound v_min = 0,
     # because the path parameter never decreases.
     is_bounded = np.hstack([is_bounded, ~data.is_fixed[:, m:]])
     v_bounds = data.velocity if structure.velocity_limits else (v_min, np.full((n, m), np.inf))

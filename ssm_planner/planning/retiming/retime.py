@@ -87,7 +87,7 @@ class Retiming:
 
     @property
     def duration(self) -> float:
-        """Duration of the motion, s. Infinite if there is no motion."""
+        """Duration of the motion, s. Infinite without a motion."""
         return float(self.times[-1]) if self.solved else np.inf
 
 
@@ -306,7 +306,7 @@ def _repeat_passes(
     result = Retiming(grid, np.zeros_like(grid), np.zeros(len(grid) - 1, dtype=int))
     for _ in range(MAX_PASSES):
         rows = path_limits.constraints(tangent, static_start=static)
-        # The square root has no tangent at 0, so ṡ² is raised to a tiny positive value there.
+        # The tangent of the square root is vertical at 0, so ṡ² is raised to a tiny positive value.
         linear = rows.tangent(np.maximum(tangent, 1e-12 * tangent.max()))
         speed_squared = fastest_profile(grid, linear, speeds)
         # The motion of an earlier pass remains valid.

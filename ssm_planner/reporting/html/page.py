@@ -76,7 +76,7 @@ def write_page(path: Path, text: str, plan: str) -> Path:
     Raises
     ------
     ExportError
-        If the file cannot be written, or if it exists and is no page of this program.
+        If the file cannot be written, or if another program wrote the existing file.
     """
     with replacing_result(path, plan, text.partition(PAGE_MARK)[0]) as temporary:
         temporary.write_text(text, encoding="utf-8")
