@@ -28,11 +28,10 @@ from ssm_planner.planning.retiming.paths import (
     JointPath,
     PathSamples,
     find_sign_change,
-    joint_starts,
 )
 from ssm_planner.planning.tolerances import PATH_SAMPLES, ROUNDING_TOLERANCE
 from ssm_planner.trajectory import quintic_coefficients
-from ssm_planner.typing import Array, Mask, record
+from ssm_planner.typing import Array, record
 
 MIN_SLOPE_RATIO = 0.05
 """Smallest ratio of |q'| within a rounding to |q'| at its ends.
@@ -169,14 +168,6 @@ class BlendedPath(JointPath):
         and 0 for joints without a drive, because their friction is not modelled.
         """
         return self.smooth_directions(self.pieces[0].driven)
-
-    def starts(self, samples: PathSamples) -> Mask:
-        """Return a mask (n, 4) that is true at the n samples at which a joint starts to move.
-
-        Every moving joint starts at s = 0. It starts again where it reverses, and where it moves
-        after a part of the path in which it rests.
-        """
-        return joint_starts(samples, *self.directions)
 
     @property
     def grid_intervals(self) -> int:

@@ -195,10 +195,11 @@ class JointPath(ABC):
     def starts(self, samples: PathSamples) -> Mask:
         """Return a mask (n, 4) that is true at the n samples at which a joint starts from rest.
 
-        Here these are the samples at s = 0, because the motion begins at rest. Subclasses for paths
-        on which joints start again within the path override this method.
+        Every moving joint starts at s = 0, because the motion begins at rest. It starts again where
+        it reverses, and where it moves after a part of the path in which it rests. There it must
+        overcome static friction. A subclass for motions that begin at speed overrides this method.
         """
-        return np.tile((samples.s == 0.0)[:, None], 4)
+        return joint_starts(samples, *self.directions)
 
 
 class ClosedPath(JointPath):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import motion_directions, motor_motion
+from ssm_planner.dynamics.motors import drive_torque, motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -18,7 +18,7 @@ from ssm_planner.planning.retiming.constraints import (
     PathLimits,
     braking_travel,
 )
-from ssm_planner.planning.retiming.paths import PolylinePath
+from ssm_planner.planning.retiming.paths import PolylinePath, SplinePath
 from ssm_planner.planning.retiming.reachability import fastest_profile
 from ssm_planner.planning.retiming.retime import _grid, _passing_times, holds_tip_speed, retime
 from ssm_planner.problem.limits import StopTravel, TaskRate, TipSpeed
@@ -171,12 +171,54 @@ def test_directions_and_starts_along_a_path_that_turns_back(robot: Robot) -> Non
     mechanism = Mechanism.from_geometry(robot.geometry)
     target, back = START + WAY, START + WAY * [-0.5, 2.0, 1.0, 1.0]
     path = PolylinePath(mechanism, np.stack([START, target, back, back + 0.5 * WAY]))
-    grid = np.linspace(0.0, 1.0, 31)
+    grid = np.union1d(np.linspace(0.0, 1.0, 32), path.directions[0])
     along = PathLimits.on_grid(path, grid, robot, TaskLimits())
     ahead = path.sample(np.minimum(grid + 1e-6, 1 - 1e-9)).dq
     assert np.array_equal(along.directions, np.sign(ahead))
     assert {-1.0, 1.0} == set(along.directions[:, 0].tolist())
-    assert along.starts.any(axis=1).nonzero()[0].tolist() == [0]
+    moving = along.directions[1:] != 0
+    starts = moving & (along.directions[1:] != along.directions[:-1])
+    assert along.starts[0].all()
+    assert np.array_equal(along.starts[1:], starts)
+    # Joint 1 reverses twice, and two joints rest on the second line.
+    assert starts.sum(axis=0).tolist() == [2, 0, 1, 1]
+
+
+def test_a_joint_that_reverses_on_a_path_breaks_away_again(robot: Robot) -> None:
+    """Where a joint reverses, a motor that it moves needs the torque of static friction."""
+    path = SplinePath(
+        Mechanism.from_geometry(robot.geometry),
+        START + WAY * np.array([[0.0], [1.0], [0.4]]),
+        np.array([1.0, 1.0, 1.0, 0.01]),
+        True,
+    )
+    knots, signs = path.directions
+    s, u, x = knots[1:-1], -0.3, 1e-6
+    along = PathLimits.on_grid(path, s, robot, TaskLimits())
+    rows = along.constraints(np.full(len(s), x), static_start=True)
+    values = rows.a * u + rows.b * x + rows.c + rows.k * np.sqrt(x)
+    samples = path.sample(s)
+    load = RigidBody.from_robot(robot).inverse_dynamics(
+        samples.q, samples.dq * np.sqrt(x), samples.dq * u + samples.ddq * x
+    )
+    reversed_joints, column = 0, 8
+    for i, joint in enumerate(robot.joints):
+        if joint.motor is None or joint.drive is None:
+            continue
+        for k in np.flatnonzero(signs[1:, i] != signs[:-1, i]):
+            torque, _ = drive_torque(
+                joint.drive,
+                load[k, i],
+                samples.dq[k, i] * np.sqrt(x),
+                samples.dq[k, i] * u + samples.ddq[k, i] * x,
+                signs[k + 1, i],
+                breakaway=True,
+            )
+            share = signs[k + 1, i] * float(torque) / joint.motor.max_torque
+            assert values[k, column : column + 2].max() == pytest.approx(share, rel=1e-6)
+            reversed_joints += 1
+        column += 3
+    assert reversed_joints == 3
 
 
 def test_ceilings_are_the_speed_limits(path: PolylinePath, robot: Robot) -> None:
