@@ -26,10 +26,10 @@ from ssm_planner.dynamics import (
 from ssm_planner.planning.feasibility import check_eye_clearance, feasible_phases
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason, check_limit
-from ssm_planner.planning.retiming.paths import JointPath, PathSamples, joint_starts
+from ssm_planner.planning.retiming.constraints import PathLimits
+from ssm_planner.planning.retiming.paths import JointPath, joint_starts
 from ssm_planner.planning.tolerances import PATH_SAMPLES, ROUNDING_TOLERANCE
 from ssm_planner.problem import ContinuousTorque, Drive, MotorTorque, Problem, Robot
-from ssm_planner.typing import Array, record
 
 
 def explain_failure(phase: Phase, path: JointPath, message: str) -> Reason:
@@ -224,8 +224,8 @@ def check_motor_heat(phases: Sequence[Phase]) -> Reason | None:
     """Return a reason if every motion of the phases exceeds a motor's continuous torque, or None.
 
     Consider a phase along a given path from rest to rest in which a joint moves in one direction.
-    The mean torque of its motor is at least a (`_SlowMotion.least_mean_torque`), so the mean square
-    is at least a². In all other phases a = 0. For phases of durations T_k and a pause P,
+    The mean torque of its motor is at least a (`_least_mean_torque`), so the mean square is at
+    least a². In all other phases a = 0. For phases of durations T_k and a pause P,
 
         RMS² ≥ Σ a_k² T_k / (Σ T_k + P).
 
@@ -244,19 +244,23 @@ def check_motor_heat(phases: Sequence[Phase]) -> Reason | None:
     Reason or None
         None if the motion does not repeat, or if a slower motion may suffice.
     """
-    pause, robot = phases[0].problem.duty, phases[0].problem.robot
+    problem = phases[0].problem
+    pause, robot = problem.duty, problem.robot
     if pause is None:
         return None
     least_durations = [phase.motion.duration or phase.lower_bound for phase in phases]
-    slow_motions = [_SlowMotion.from_phase(robot, phase) for phase in phases]
     has_free_duration = [not phase.motion.duration for phase in phases]
+    limits = [
+        PathLimits.on_grid(phase.path, phase.path.coarse_samples.s, robot, problem.task_limits)
+        if phase.path is not None and phase.begins_and_ends_at_rest
+        else None
+        for phase in phases
+    ]
 
     def needs() -> Iterator[tuple[int, float, None]]:
         """Yield the index of each joint, a lower bound on its RMS torque (N·m), and no place."""
         for i, drive, _ in motorised_joints(robot.joints):
-            means = [
-                motion.least_mean_torque(i, drive) if motion else 0.0 for motion in slow_motions
-            ]
+            means = [_least_mean_torque(along, i, drive) if along else 0.0 for along in limits]
             mean_square = np.square(means) @ least_durations / (sum(least_durations) + pause)
             # All durations are at their lower bounds, or a free duration is infinite.
             yield i, min([math.sqrt(mean_square), *compress(means, has_free_duration)]), None
@@ -280,84 +284,45 @@ def check_thermal_bound(problem: Problem) -> Reason | None:
     return None if reason is not None else check_motor_heat(phases)
 
 
-@record
-class _SlowMotion:
-    """Samples of a phase along a given path q(s), for bounds on torque that hold at every speed.
+def _least_mean_torque(along: PathLimits, i: int, drive: Drive) -> float:
+    """Return a lower bound on the mean torque of a motor over a motion from rest to rest, N·m.
 
-    A phase is an entry of the motion list. s is the path parameter from 0 to 1, primes are
-    derivatives with respect to s, and ṡ = ds/dt. The speed of the motion is not known, only its
-    largest value.
+    The motion follows a path q(s) with the path parameter s, and its speed ṡ = ds/dt is not known.
+    The torque in the direction of motion is the larger of two linear functions of the effort F,
+    that is, the torque or force at the output of the drive. It is therefore at least c F for every
+    slope c between the slopes of the two functions. Integration by parts over a motion from rest to
+    rest replaces the unknown s̈. With primes for derivatives with respect to s,
+
+        F = A s̈ + B ṡ² + C,   mean of F = mean of (B − A') ṡ² + C.
+
+    ṡ is at most what the speed limits allow.
+
+    Parameters
+    ----------
+    along : PathLimits
+        Loads and limits at n points of the path.
+    i : int
+        Index of the joint.
+    drive : Drive
+        Its drive.
+
+    Returns
+    -------
+    float
+        The bound. 0 if the joint rests or reverses, or if the drive has two nuts.
     """
-
-    samples: PathSamples
-    """q, q' and q'' at n values of s."""
-    signs: Array
-    """Directions +1, −1 or 0 of the joints between reversals, (k, 4)."""
-    load: tuple[Array, Array, Array]
-    """Coefficients A, B and C of the rigid-body load A s̈ + B ṡ² + C, (n, 4) each."""
-    speed_limit: Array
-    """Largest ṡ that the joints' velocity limits allow, (n,), 1/s."""
-
-    @classmethod
-    def from_phase(cls, robot: Robot, phase: Phase) -> "_SlowMotion | None":
-        """Sample a phase along its given path at n values of s.
-
-        Returns None if the phase has no given path, or if it begins or ends at speed.
-
-        Parameters
-        ----------
-        robot : Robot
-            The robot with its limits.
-        phase : Phase
-            Entry of the motion list with its problem and joint positions.
-        """
-        if phase.path is None or not phase.begins_and_ends_at_rest:
-            return None
-        samples = phase.path.coarse_samples
-        load = RigidBody.from_robot(robot).path_load(samples.q, samples.dq, samples.ddq)
-        velocity = robot.velocities
-        # A joint at rest (q' = 0) does not limit ṡ: its quotient is infinite.
-        with np.errstate(divide="ignore", over="ignore"):
-            speed_limit = np.min(velocity / np.abs(samples.dq), axis=1)
-        return cls(samples, phase.path.directions[1], load, speed_limit)
-
-    def least_mean_torque(self, i: int, drive: Drive) -> float:
-        """Return a lower bound on the mean torque of a motor over the motion, N·m.
-
-        The torque in the direction of motion is the larger of two linear functions of the effort F,
-        that is, the torque or force at the output of the drive. It is therefore at least c F for
-        every slope c between the slopes of the two functions. Integration by parts over a motion
-        from rest to rest replaces the unknown s̈:
-
-            F = A s̈ + B ṡ² + C,   mean of F = mean of (B − A') ṡ² + C.
-
-        ṡ is at most what the velocity limits of the joints allow.
-
-        Parameters
-        ----------
-        i : int
-            Index of the joint.
-        drive : Drive
-            Its drive.
-
-        Returns
-        -------
-        float
-            The bound. 0 if the joint rests or reverses, or if the drive has two nuts.
-        """
-        signs = np.unique(self.signs[:, i])
-        if drive.two_nuts or len(signs) != 1 or signs[0] == 0:
-            return 0.0
-        friction = required_friction(drive)
-        inertia, square_term, static_term = (term[:, i] for term in self.load)
-        # Largest magnitudes of the effort of viscous friction and of the term with ṡ².
-        viscous = friction.b_ov * np.abs(self.samples.dq[:, i]) * self.speed_limit
-        slope = np.gradient(inertia, self.samples.s)
-        varying = np.abs(square_term - slope) * self.speed_limit**2
-        # In the direction of motion the torque is b_c + max(raising · F, lowering · F).
-        effort = signs[0] * static_term + friction.b_oc
-        raising, lowering = motor_torque_rows(drive, int(signs[0]), friction.mu).slope
-        # Three admissible slopes c, (3, 1). The best of the three bounds is the result.
-        slopes = np.array([raising, lowering, np.clip(0.0, lowering, raising)])[:, None]
-        bounds = friction.b_c + slopes * effort - np.abs(slopes) * (varying + viscous)
-        return max(0.0, float(bounds.min(axis=1).max()))
+    signs = np.unique(along.directions[:, i])
+    if drive.two_nuts or len(signs) != 1 or signs[0] == 0:
+        return 0.0
+    friction = required_friction(drive)
+    inertia, square_term, static_term = (term[:, i] for term in along.loads[0])
+    # Largest magnitudes of the effort of viscous friction and of the term with ṡ².
+    viscous = friction.b_ov * np.abs(along.samples.dq[:, i]) * np.sqrt(along.ceiling)
+    varying = np.abs(square_term - np.gradient(inertia, along.samples.s)) * along.ceiling
+    # In the direction of motion the torque is b_c + max(raising · F, lowering · F).
+    effort = signs[0] * static_term + friction.b_oc
+    raising, lowering = motor_torque_rows(drive, int(signs[0]), friction.mu).slope
+    # Three admissible slopes c, (3, 1). The best of the three bounds is the result.
+    slopes = np.array([raising, lowering, np.clip(0.0, lowering, raising)])[:, None]
+    bounds = friction.b_c + slopes * effort - np.abs(slopes) * (varying + viscous)
+    return max(0.0, float(bounds.min(axis=1).max()))

@@ -29,7 +29,7 @@ from ssm_planner.dynamics import (
 )
 from ssm_planner.elements.rows import joint_limits
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
-from ssm_planner.planning.retiming.paths import JointPath, PathSamples
+from ssm_planner.planning.retiming.paths import JointPath, PathSamples, joint_starts
 from ssm_planner.problem import TASK_COORDINATES, Drive, Robot, TaskLimits, TipSpeed
 from ssm_planner.typing import Array, Indices, Mask, record
 
@@ -136,7 +136,7 @@ class PathLimits:
     ceiling: Array
     """Largest ṡ² that the speed limits allow, (n,), 1/s²."""
     starts: Mask
-    """True where a joint starts from rest, (n, 4)."""
+    """True where a joint starts to move after a rest or a reversal, (n, 4)."""
     braking_slopes: Array | None
     """|J q'| / (2d) at the points, (n,), where d is the limit on the distance to stop, in m.
 
@@ -145,7 +145,13 @@ class PathLimits:
 
     @classmethod
     def on_grid(
-        cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits
+        cls,
+        path: JointPath,
+        grid: Array,
+        robot: Robot,
+        limits: TaskLimits,
+        *,
+        moving: bool = False,
     ) -> "PathLimits":
         """Evaluate the limits of a robot and a task at the grid points of a path.
 
@@ -159,6 +165,8 @@ class PathLimits:
             The robot with the limits of its joints and motors.
         limits : TaskLimits
             Limits on the tool and on rates of task coordinates.
+        moving : bool
+            True if ṡ is not 0 at s = 0.
 
         Returns
         -------
@@ -183,11 +191,11 @@ class PathLimits:
             loads,
             directions=signs[interval],
             ceiling=ceiling,
-            starts=path.starts(samples),
+            starts=joint_starts(samples, knots, signs, moving=moving),
             braking_slopes=stops,
         )
 
-    def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
+    def constraints(self, speed_squared: Array) -> LinearConstraints:
         """Return the constraints of accelerations, of the distance to stop, and of motor torques.
 
         Each constraint, called a row, is divided by its limit. For joint i, the rows of
@@ -200,9 +208,6 @@ class PathLimits:
         speed_squared : (n,) array
             ṡ² of the previous pass of TOPP-RA, 1/s². Friction coefficients that depend on speed are
             evaluated there.
-        static_start : bool
-            True if friction is static where joints start from rest. False if the motion continues
-            another one at speed.
 
         Returns
         -------
@@ -220,7 +225,7 @@ class PathLimits:
         for i, joint in enumerate(self.robot.joints):
             limit = np.inf if joint.motor is None else joint.motor.max_torque
             for load, drive, sides in self.robot.actuations(i):
-                mu = self._friction_coefficient(drive, i, speed_squared, static_start)
+                mu = self._friction_coefficient(drive, i, speed_squared)
                 driving, braking = self._torque_terms(drive, i, mu, self.loads[load], speed_squared)
                 # An actuation concerns driving (1), braking (−1) or both.
                 rows += [term / limit for term in driving] if 1 in sides else []
@@ -228,13 +233,11 @@ class PathLimits:
         a, b, c, k = np.stack(rows, axis=-1)
         return LinearConstraints(a, b, c, k, self.ceiling)
 
-    def _friction_coefficient(
-        self, drive: Drive, i: int, speed_squared: Array, static_start: bool
-    ) -> Array:
+    def _friction_coefficient(self, drive: Drive, i: int, speed_squared: Array) -> Array:
         """Return the friction coefficient μ of the drive of joint i at the n points of the path.
 
         With Stribeck friction, μ depends on the speed of the motor. The speed is not known yet, so
-        that of the previous pass of TOPP-RA is used. Where a joint starts from rest, μ is that of
+        that of the previous pass of TOPP-RA is used. Where a joint starts to move, μ is that of
         static friction.
 
         Parameters
@@ -245,8 +248,6 @@ class PathLimits:
             Index of the joint, from 0.
         speed_squared : (n,) array
             ṡ² of the motion of the previous pass, 1/s².
-        static_start : bool
-            True if friction is static where the joint starts from rest.
 
         Returns
         -------
@@ -256,9 +257,8 @@ class PathLimits:
         friction = required_friction(drive)
         # Speed of the motor, rad/s.
         w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
-        static = self.starts[:, i] & static_start
-        moving = friction_coefficient(friction, w)
-        return np.asarray(np.where(static, breakaway_coefficient(friction, w), moving))
+        static, kinetic = breakaway_coefficient(friction, w), friction_coefficient(friction, w)
+        return np.asarray(np.where(self.starts[:, i], static, kinetic))
 
     def _torque_terms(
         self,
@@ -279,8 +279,11 @@ class PathLimits:
 
         Where the motor drives, σ τ ≤ limit holds if and only if both functions are at most the
         limit. Where it brakes, the condition is −σ τ ≤ limit. One function suffices for it, because
-        each is a lower bound of σ τ. The function that is larger at the given ṡ² is taken. Its part
-        k ṡ is replaced by k ṡ² / √ceiling, which is not larger, because ṡ² ≤ ceiling.
+        each is a lower bound of σ τ. The function that is larger at the given ṡ² is taken.
+
+        All rows must have k ≥ 0. Where the functions have k < 0, the rows of driving leave out
+        their part k ṡ. Where the function of braking has k > 0, its part k ṡ is replaced by
+        k ṡ² / √ceiling, which is not larger, because ṡ² ≤ ceiling. All rows become stricter.
 
         Parameters
         ----------
@@ -312,16 +315,17 @@ class PathLimits:
         rows = motor_torque_rows(drive, sigma, mu)
         inertia, viscous = drive.ratio * rows.inertia, drive.ratio * rows.viscous
         motor_side = sigma * (inertia * qdd + self._linear_term(c=rows.coulomb) + viscous * qd)
-        driving = [slope * effort + motor_side for slope in rows.slope]
-        # A term is concave in ṡ² only if k ≥ 0, and TOPP-RA needs concave terms. A negative k is
-        # replaced by 0. This makes the limits of driving stricter.
-        for term in driving:
-            np.maximum(term[3], 0.0, out=term[3])
+        terms = [slope * effort + motor_side for slope in rows.slope]
         # Effort at the given ṡ² without its parts in s̈ and ṡ, which only selects a function.
         at_speed = effort[1] * speed_squared + effort[2]
         first, second = (slope * at_speed for slope in rows.slope)
-        a, b, c, k = np.where(first > second, driving[0], driving[1])
-        return driving, -self._linear_term(a, b + k / np.sqrt(self.ceiling), c)
+        a, b, c, k = np.where(first > second, terms[0], terms[1])
+        # A row is concave in ṡ² only if its k ≥ 0, and TOPP-RA needs concave rows.
+        braking = -self._linear_term(
+            a, b + np.maximum(k, 0.0) / np.sqrt(self.ceiling), c, np.minimum(k, 0.0)
+        )
+        driving = [self._linear_term(a, b, c, np.maximum(k, 0.0)) for a, b, c, k in terms]
+        return driving, braking
 
     def _linear_term(
         self,

@@ -192,15 +192,6 @@ class JointPath(ABC):
         middle = self.sample((knots[1:] + knots[:-1]) / 2).dq
         return knots, np.where(np.abs(middle) > ROUNDING_TOLERANCE, np.sign(middle), 0.0) * moving
 
-    def starts(self, samples: PathSamples) -> Mask:
-        """Return a mask (n, 4) that is true at the n samples at which a joint starts from rest.
-
-        Every moving joint starts at s = 0, because the motion begins at rest. It starts again where
-        it reverses, and where it moves after a part of the path in which it rests. There it must
-        overcome static friction. A subclass for motions that begin at speed overrides this method.
-        """
-        return joint_starts(samples, *self.directions)
-
 
 class ClosedPath(JointPath):
     """A smooth joint path that a CasADi function computes from a curve of the tool in closed form.
@@ -575,18 +566,13 @@ class MotionPath(JointPath):
         dq[:, at_rest] = ddq[:, at_rest] = 0.0
         return PathSamples(s, samples.q, dq, ddq)
 
-    def starts(self, samples: PathSamples) -> Mask:
-        """Return a mask (n, 4) that is true at the n samples at which a joint starts from rest.
-
-        A joint starts at s = 0 if its q' is 0 there, and at every knot at which it reverses.
-        """
-        return joint_starts(samples, *self.directions, moving=True)
-
 
 def joint_starts(
     samples: PathSamples, knots: Array, directions: Array, *, moving: bool = False
 ) -> Mask:
     """Mark the samples of a path at which joints start to move after a rest or a reversal.
+
+    Friction is static there.
 
     Parameters
     ----------
@@ -605,14 +591,14 @@ def joint_starts(
         True for a joint and a sample if the joint starts at a knot, and if the sample is the first
         one at or behind this knot.
     """
+    before = np.vstack([np.zeros(4), directions[:-1]])
+    begins = (directions != 0.0) & (directions != before)
+    if moving:
+        begins[0] &= samples.dq[0] == 0.0
+    # Index of the first sample at or behind each knot.
+    first = np.minimum(np.searchsorted(samples.s, knots[:-1]), len(samples.s) - 1)
     starts = np.zeros((len(samples.s), 4), dtype=bool)
-    previous = np.zeros(4)
-    for knot, signs in zip(knots[:-1], directions, strict=True):
-        # Index of the first sample at or behind the knot.
-        k = min(int(np.searchsorted(samples.s, knot)), len(samples.s) - 1)
-        begins = (signs != 0.0) & (signs != previous)
-        starts[k] = begins & (not moving or knot > 0 or samples.dq[k] == 0.0)
-        previous = signs
+    starts[first] = begins
     return starts
 
 

@@ -125,11 +125,11 @@ def retime(
     points, few = points or path.grid_intervals, PATH_SAMPLES // 2
     coarse = retime(path, robot, limits, speeds, points=few) if points > few else None
     grid = _grid(path.directions[0], points, coarse)
-    path_limits = PathLimits.on_grid(path, grid, robot, limits)
+    path_limits = PathLimits.on_grid(path, grid, robot, limits, moving=speeds[0] > 0.0)
     tangent = path_limits.ceiling
     if coarse is not None and coarse.solved:
         tangent = np.interp(grid, coarse.s, coarse.speed_squared)
-    return _repeat_passes(grid, path_limits, tangent, speeds, static=speeds[0] == 0.0)
+    return _repeat_passes(grid, path_limits, tangent, speeds)
 
 
 def holds_tip_speed(retiming: Retiming, path: JointPath, speed: float) -> bool:
@@ -183,14 +183,12 @@ def retime_motion(
     """
     grid = path.grid(MIN_GRID_INTERVALS)
     speed = speed_ratio / path.trajectory.duration
-    path_limits = PathLimits.on_grid(path, grid, robot, limits)
+    path_limits = PathLimits.on_grid(path, grid, robot, limits, moving=True)
     # Where all joints rest, their limits allow any ṡ.
     path_limits = replace(
         path_limits, ceiling=np.minimum(path_limits.ceiling, (MAX_SPEED_RATIO * speed) ** 2)
     )
-    return _repeat_passes(
-        grid, path_limits, np.full_like(grid, speed**2), (speed, speed), static=True
-    )
+    return _repeat_passes(grid, path_limits, np.full_like(grid, speed**2), (speed, speed))
 
 
 def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
@@ -212,8 +210,8 @@ def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
     grid = path.grid(MIN_GRID_INTERVALS)
     # The motion itself has s = t / duration, so ṡ is constant and s̈ is 0.
     squares = np.full_like(grid, 1 / path.trajectory.duration**2)
-    path_limits = replace(PathLimits.on_grid(path, grid, robot, limits), braking_slopes=None)
-    rows = path_limits.constraints(squares, static_start=True).tangent(squares)
+    path_limits = PathLimits.on_grid(path, grid, robot, limits, moving=True)
+    rows = replace(path_limits, braking_slopes=None).constraints(squares).tangent(squares)
     x = squares[:, None]
     peak = max((rows.b * x + rows.c).max(), (squares / rows.ceiling).max())
     return bool(peak <= 1 + EQUALITY_TOLERANCE)
@@ -271,12 +269,7 @@ def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
 
 
 def _repeat_passes(
-    grid: Array,
-    path_limits: PathLimits,
-    tangent: Array,
-    speeds: tuple[float, float],
-    *,
-    static: bool,
+    grid: Array, path_limits: PathLimits, tangent: Array, speeds: tuple[float, float]
 ) -> Retiming:
     """Repeat the passes of TOPP-RA on a grid until the tangents converge.
 
@@ -295,8 +288,6 @@ def _repeat_passes(
         ṡ² at which the first tangents are taken, 1/s².
     speeds : (float, float)
         ṡ at both ends, 1/s.
-    static : bool
-        True if friction is static where joints start from rest.
 
     Returns
     -------
@@ -305,7 +296,7 @@ def _repeat_passes(
     """
     result = Retiming(grid, np.zeros_like(grid), np.zeros(len(grid) - 1, dtype=int))
     for _ in range(MAX_PASSES):
-        rows = path_limits.constraints(tangent, static_start=static)
+        rows = path_limits.constraints(tangent)
         # The tangent of the square root is vertical at 0, so ṡ² is raised to a tiny positive value.
         linear = rows.tangent(np.maximum(tangent, 1e-12 * tangent.max()))
         speed_squared = fastest_profile(grid, linear, speeds)

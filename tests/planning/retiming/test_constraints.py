@@ -39,8 +39,9 @@ def path(robot: Robot) -> PolylinePath:
 
 def rows_at(path: PolylinePath, robot: Robot, x: float, **limits: object) -> LinearConstraints:
     """Return the constraints on GRID at the squared path speed x."""
-    along = PathLimits.on_grid(path, GRID, robot, TaskLimits(**limits))  # type: ignore[arg-type]
-    return along.constraints(np.full(9, x), static_start=False)
+    task_limits = TaskLimits(**limits)  # type: ignore[arg-type]
+    along = PathLimits.on_grid(path, GRID, robot, task_limits, moving=True)
+    return along.constraints(np.full(9, x))
 
 
 def random_rows(seed: int) -> LinearConstraints:
@@ -127,6 +128,37 @@ def test_torque_rows_bound_the_motor_model(path: PolylinePath, robot: Robot, u: 
     assert count == rows.a.shape[1]
 
 
+def with_viscous_friction(robot: Robot, at_motor: float, at_output: float) -> Robot:
+    """Return the robot with other viscous friction of its bearings, N·m·s/rad (screw: N·s/m)."""
+    joints = []
+    for joint in robot.joints:
+        if joint.drive is not None:
+            friction = replace(joint.drive.friction, b_v=at_motor, b_ov=at_output)
+            joint = replace(joint, drive=replace(joint.drive, friction=friction))
+        joints.append(joint)
+    return replace(robot, joints=tuple(joints))
+
+
+def test_viscous_friction_at_the_output_of_a_self_locking_drive_helps_to_brake(
+    path: PolylinePath, robot: Robot
+) -> None:
+    """The braking row bounds the torque also if friction at the output carries a part of the load.
+
+    The coefficient of the speed in the row is then negative.
+    """
+    robot, x, u = with_viscous_friction(robot, 0.0, 1e-3), 0.8, -400.0
+    rows = rows_at(path, robot, x)
+    values = rows.a * u + rows.b * x + rows.c + rows.k * np.sqrt(x)
+    q = START + GRID[:, None] * WAY
+    qd, qdd = np.tile(np.sqrt(x) * WAY, (9, 1)), np.tile(u * WAY, (9, 1))
+    samples = Samples(GRID, q, qd, qdd, np.zeros_like(q))
+    directions = motion_directions(robot, samples, 1)
+    torque = motor_motion(robot, RigidBody.from_robot(robot), samples, *directions).torque
+    for k, i in enumerate(i for i, joint in enumerate(robot.joints) if joint.motor is not None):
+        share = np.sign(WAY[i]) * torque[:, i] / robot.joints[i].motor.max_torque
+        assert np.all(values[:, 8 + 3 * k + 2] >= -share - 1e-12)
+
+
 @pytest.mark.parametrize("way", [1, -1])
 def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
     path: PolylinePath, robot: Robot, way: int
@@ -135,19 +167,13 @@ def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
 
     This holds for both directions of the load. While a joint accelerates, the row is only a bound.
     """
-    joints = []
-    for joint in robot.joints:
-        if joint.drive is not None:
-            friction = replace(joint.drive.friction, b_v=0.0, b_ov=0.0)
-            joint = replace(joint, drive=replace(joint.drive, friction=friction))
-        joints.append(joint)
-    robot, pulls = replace(robot, joints=tuple(joints)), set()
+    robot, pulls = with_viscous_friction(robot, 0.0, 0.0), set()
     line = PolylinePath(path.mechanism, path.points[::way])
     q = line.points[0] + GRID[:, None] * WAY * way
     for x, tilted in ((0.05, 0.0), (0.8, 2.0), (5.0, -1.2)):
         turned = PolylinePath(path.mechanism, line.points + [tilted, 0.0, 0.0, 0.0])
-        along = PathLimits.on_grid(turned, GRID, robot, TaskLimits())
-        rows = along.constraints(np.full(9, x), static_start=False)
+        along = PathLimits.on_grid(turned, GRID, robot, TaskLimits(), moving=True)
+        rows = along.constraints(np.full(9, x))
         values = rows.b * x + rows.c + rows.k * np.sqrt(x)
         positions = q + [tilted, 0.0, 0.0, 0.0]
         qd = np.tile(np.sqrt(x) * WAY * way, (9, 1))
@@ -167,7 +193,10 @@ def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
 
 
 def test_directions_and_starts_along_a_path_that_turns_back(robot: Robot) -> None:
-    """Each grid point has the joint's direction after it, also where the joint reverses."""
+    """Each grid point has the joint's direction after it, also where the joint reverses.
+
+    A joint starts to move, with static friction, at s = 0 and where it reverses.
+    """
     mechanism = Mechanism.from_geometry(robot.geometry)
     target, back = START + WAY, START + WAY * [-0.5, 2.0, 1.0, 1.0]
     path = PolylinePath(mechanism, np.stack([START, target, back, back + 0.5 * WAY]))
@@ -195,7 +224,7 @@ def test_a_joint_that_reverses_on_a_path_breaks_away_again(robot: Robot) -> None
     knots, signs = path.directions
     s, u, x = knots[1:-1], -0.3, 1e-6
     along = PathLimits.on_grid(path, s, robot, TaskLimits())
-    rows = along.constraints(np.full(len(s), x), static_start=True)
+    rows = along.constraints(np.full(len(s), x))
     values = rows.a * u + rows.b * x + rows.c + rows.k * np.sqrt(x)
     samples = path.sample(s)
     load = RigidBody.from_robot(robot).inverse_dynamics(
@@ -344,7 +373,10 @@ def test_friction_is_static_at_a_start_and_falls_with_the_speed(
     path: PolylinePath, robot: Robot
 ) -> None:
     for of, falls in ((robot, False), (with_stribeck(robot), True)):
-        along = PathLimits.on_grid(path, GRID, of, TaskLimits())
+        in_motion, from_rest = (
+            PathLimits.on_grid(path, GRID, of, TaskLimits(), moving=moving)
+            for moving in (True, False)
+        )
         drive = of.joints[0].drive
         assert drive is not None
         friction = drive.friction
@@ -352,12 +384,12 @@ def test_friction_is_static_at_a_start_and_falls_with_the_speed(
         x = np.linspace(0.1, 2.0, 9)
         w = drive.ratio * abs(WAY[0]) * np.sqrt(x)
         rise = friction.mu_stribeck * np.exp(-2 * w / 20.0) if falls else 0.0
-        moving = along._friction_coefficient(drive, 0, x, False)
+        moving = in_motion._friction_coefficient(drive, 0, x)
         assert moving == pytest.approx(np.broadcast_to(friction.mu + rise, 9))
-        starting = along._friction_coefficient(drive, 0, x, True)
+        starting = from_rest._friction_coefficient(drive, 0, x)
         assert starting[1:] == pytest.approx(moving[1:])
         assert starting[0] >= max(friction.mu_static, moving[0]) * (1 - 1e-12)
-        one, other = (along.constraints(x, static_start=static) for static in (False, True))
+        one, other = in_motion.constraints(x), from_rest.constraints(x)
         assert not np.allclose(one.c[0], other.c[0])
         assert other.c[1:] == pytest.approx(one.c[1:])
 

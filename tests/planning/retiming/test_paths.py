@@ -249,7 +249,7 @@ def test_the_path_of_a_motion_is_the_motion(motion_path: MotionPath) -> None:
     beside = np.sort(np.abs(grid - 0.5))[:2]
     assert beside == pytest.approx([0.5e-4, 0.5e-4])
     assert 0.5 not in grid
-    starts = motion_path.starts(motion_path.sample(grid))
+    starts = joint_starts(motion_path.sample(grid), *motion_path.directions, moving=True)
     assert starts[:, 0].sum() == 1
     assert np.abs(grid[np.argmax(starts[:, 0])] - 0.5) < 1e-3
     assert not starts[:, 1:].any()
@@ -261,7 +261,7 @@ def test_the_rate_along_a_path_follows_from_the_joints_speeds(spline: SplinePath
     assert spline.speed_at(0.4, 0.7 * slope) == pytest.approx(0.7)
     assert spline.speed_at(0.4, np.zeros(4)) == 0.0
     knots, signs = spline.directions
-    starts = spline.starts(spline.sample(np.array([0.0, knots[1] / 2, 1.0])))
+    starts = joint_starts(spline.sample(np.array([0.0, knots[1] / 2, 1.0])), knots, signs)
     assert starts[:2].tolist() == [(signs[0] != 0).tolist(), [False] * 4]
     assert spline.coarse_samples.q == pytest.approx(
         spline.sample(np.linspace(0, 1, PATH_SAMPLES)).q
