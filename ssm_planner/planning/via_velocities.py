@@ -100,18 +100,18 @@ class _ViaVelocityProblem:
 
         Parameters
         ----------
-        speeds : (n − 1, 4) array
+        speeds : (..., n − 1, 4) array
             Joint velocities at the via points (between start and end), rad/s and m/s.
 
         Returns
         -------
-        (n, 4) array
+        (..., n, 4) array
             Times, s.
         """
-        velocities = np.vstack([self.ends[0], speeds, self.ends[1]])
-        return minimum_times(
-            self.displacements, self.velocity, self.acceleration, (velocities[:-1], velocities[1:])
-        )
+        start, end = (np.broadcast_to(end, (*speeds.shape[:-2], 1, 4)) for end in self.ends)
+        starts = np.concatenate([start, speeds], axis=-2)
+        ends = np.concatenate([speeds, end], axis=-2)
+        return minimum_times(self.displacements, self.velocity, self.acceleration, (starts, ends))
 
     def duration(self, speeds: Array) -> float:
         """Return the total duration, s. In every segment, the slowest joint determines the time.
@@ -141,35 +141,33 @@ class _ViaVelocityProblem:
 
         segments = len(self.displacements)
         at_rest = np.zeros((segments - 1, 4))
-        limits = self.velocity
         # The unknowns are T_k / unit, then the velocities divided by their limits.
         unit = self.duration(at_rest)
         start = np.append(self.times(at_rest).max(axis=1) / unit, at_rest)
         gradient = np.append(np.ones(segments), at_rest)
 
-        def total_gradient(_: Array) -> Array:
-            """Return the gradient of the objective Σ T_k, which is constant.
-
-            The argument, the values of the unknowns, is therefore not used.
-            """
-            return gradient
+        def speeds(unknowns: Array) -> Array:
+            """Return the velocities (..., n − 1, 4) at the via points, rad/s and m/s."""
+            shares = unknowns[..., segments:].reshape(*unknowns.shape[:-1], -1, 4)
+            return np.asarray(shares * self.velocity)
 
         def margins(unknowns: Array) -> Array:
-            """Return the margins (T_k − t_jk) / unit, (4 n,), which must not be negative.
+            """Return the margins (T_k − t_jk) / unit, (..., 4 n), which must not be negative.
 
             The joints j of segment 1 come first, then those of segment 2, and so on.
             """
-            times = self.times(unknowns[segments:].reshape(-1, 4) * limits)
-            return np.asarray(unknowns[:segments, None] - times / unit).ravel()
+            differences = unknowns[..., :segments, None] - self.times(speeds(unknowns)) / unit
+            return np.asarray(differences.reshape(*unknowns.shape[:-1], -1))
 
         def margin_gradients(unknowns: Array) -> Array:
-            """Return the gradients of `margins` by all unknowns, (4 n, n + 4 (n − 1))."""
-            return self._margin_gradients(unknowns[segments:].reshape(-1, 4), unit)
+            """Return the finite differences of `margins` by all unknowns, (4 n, n + 4 (n − 1))."""
+            steps = EQUALITY_TOLERANCE * np.eye(len(unknowns))
+            return (margins(unknowns + steps) - margins(unknowns)).T / EQUALITY_TOLERANCE
 
         solution = fmin_slsqp(
             gradient.dot,
             start,
-            fprime=total_gradient,
+            fprime=lambda _: gradient,
             bounds=[*[(0.0, np.inf)] * segments, *[(-1.0, 1.0)] * at_rest.size],
             f_ieqcons=margins,
             fprime_ieqcons=margin_gradients,
@@ -178,44 +176,8 @@ class _ViaVelocityProblem:
             iprint=0,
         )
         # SLSQP may return values slightly beyond the bounds.
-        result = np.clip(solution[segments:].reshape(-1, 4) * limits, -limits, limits)
+        result = np.clip(speeds(solution), -self.velocity, self.velocity)
         return result if self.duration(result) < unit else at_rest
-
-    def _margin_gradients(self, shares: Array, unit: float) -> Array:
-        """Compute the derivatives of the margins (T_k − t_jk) / unit by finite differences.
-
-        T_k is the duration of segment k (from point k to the next one), and t_jk is the time that
-        joint j needs for it.
-
-        Parameters
-        ----------
-        shares : (n − 1, 4) array
-            Velocities at the via points, divided by the limits of the joints.
-        unit : float
-            Unit of time, s.
-
-        Returns
-        -------
-        (4 n, n + 4 (n − 1)) array
-            Derivatives of the margins. There is one row for each of the 4 joints in each of the n
-            segments. The columns belong to the unknowns. First come the n durations T_k / unit, and
-            then the velocities `shares` of 4 joints at n − 1 via points.
-        """
-        n = len(self.displacements)
-        times = self.times(shares * self.velocity)
-        gradients = np.zeros((n, 4, n + shares.size))
-        # The derivative of the margins of segment k by T_k / unit is 1.
-        gradients[np.arange(n), :, np.arange(n)] = 1.0
-        # A velocity only affects its own joint in the segments before and after its point. The
-        # velocities of all joints at every other point can therefore be varied together.
-        for parity in (0, 1):
-            varied = shares.copy()
-            varied[parity::2] += EQUALITY_TOLERANCE
-            change = (times - self.times(varied * self.velocity)) / (EQUALITY_TOLERANCE * unit)
-            for k in range(parity, n - 1, 2):
-                for j in range(4):
-                    gradients[[k, k + 1], j, n + 4 * k + j] = change[[k, k + 1], j]
-        return gradients.reshape(4 * n, -1)
 
     def without_idle_velocities(self, speeds: Array) -> Array:
         """Set velocities at via points to 0 if they save almost no time.
