@@ -67,6 +67,11 @@ class BlendedPath(JointPath):
         """Branch of the inverse kinematics on which all pieces lie: +1 or −1."""
         return self.pieces[0].branch
 
+    @property
+    def driven(self) -> tuple[int, ...]:
+        """Indices of the joints with a drive."""
+        return self.pieces[0].driven
+
     @cached_property
     def _rates_and_breaks(self) -> tuple[Array, Array]:
         """Derivatives of the parameters of the pieces with respect to s, and the ends of all parts.
@@ -159,15 +164,6 @@ class BlendedPath(JointPath):
                 values[order, on_part] = np.polynomial.polynomial.polyval(s_in_part, polynomial).T
                 polynomial = np.polynomial.polynomial.polyder(polynomial)
         return PathSamples(s, *values)
-
-    @cached_property
-    def directions(self) -> tuple[Array, Array]:
-        """Knots of s at which joints reverse, and the directions of the joints between them.
-
-        The knots (m + 1,) increase from 0 to 1. The directions (m, 4) are the signs of q' = dq/ds,
-        and 0 for joints without a drive, because their friction is not modelled.
-        """
-        return self.smooth_directions(self.pieces[0].driven)
 
     @property
     def grid_intervals(self) -> int:

@@ -67,12 +67,14 @@ class PathSamples:
 class JointPath(ABC):
     """A joint path q(s), 0 ≤ s ≤ 1, in rad and m.
 
-    A new kind of path is a frozen dataclass with a field `mechanism`, and with `sample` and
-    `directions`.
+    A new kind of path is a frozen dataclass with a field `mechanism`, and with `sample`. If it is
+    not smooth, it also has `breaks`.
     """
 
     mechanism: Mechanism
     """Geometry of the robot."""
+    driven: tuple[int, ...] = (0, 1, 2, 3)
+    """Indices of the joints with a drive. Only drives have friction, which depends on direction."""
 
     @abstractmethod
     def sample(self, s: Array) -> PathSamples:
@@ -89,15 +91,33 @@ class JointPath(ABC):
             q, q' and q'' at these values, (n, 4) each.
         """
 
-    @property
-    @abstractmethod
+    @cached_property
     def directions(self) -> tuple[Array, Array]:
         """Knots of s at which joints reverse, and the directions of the joints between them.
 
         The knots (m + 1,) increase from 0 to 1, and no joint reverses between two of them. The
-        directions (m, 4) are the signs of q' between the knots, and 0 for a joint at rest. They
-        determine the direction of the friction.
+        directions (m, 4) are the signs of q' between the knots, and 0 for a joint at rest or
+        without a drive. They determine the direction of the friction.
+
+        The signs of q' at many samples of each smooth part show between which samples a joint
+        reverses. A search for the root of q' then gives the value of s.
         """
+        s = np.unique(
+            np.concatenate([np.linspace(a, b, PATH_SAMPLES) for a, b in pairwise(self.breaks)])
+        )
+        dq = self.sample(s).dq
+        rests = np.abs(dq) <= ROUNDING_TOLERANCE
+        moving = ~rests.all(axis=0) & np.isin(np.arange(4), self.driven)
+        # A change of sign between two samples at rest is rounding. No start after a rest is missed,
+        # because a joint can only start at a break of the path, and every break is a knot.
+        reverses = (np.signbit(dq[1:]) != np.signbit(dq[:-1])) & ~(rests[1:] & rests[:-1])
+        roots = (
+            round(self.find_reversal(int(i), s[k], s[k + 1]), 12)
+            for k, i in np.argwhere(reverses & moving)
+        )
+        knots = add_knots(self.breaks, roots)
+        middle = self.sample((knots[1:] + knots[:-1]) / 2).dq
+        return knots, np.where(np.abs(middle) > ROUNDING_TOLERANCE, np.sign(middle), 0.0) * moving
 
     @cached_property
     def coarse_samples(self) -> PathSamples:
@@ -156,42 +176,6 @@ class JointPath(ABC):
         """
         return find_sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
 
-    def smooth_directions(self, driven: tuple[int, ...]) -> tuple[Array, Array]:
-        """Find where joints reverse on a path that is smooth between its `breaks`.
-
-        The signs of q' at many samples show between which of them a joint reverses. A search for
-        the root of q' then gives the value of s.
-
-        Parameters
-        ----------
-        driven : tuple of int
-            Indices of the joints with a drive. Only drives have friction, which depends on the
-            direction. The other joints therefore count as joints at rest.
-
-        Returns
-        -------
-        knots : (m + 1,) array
-            Increasing values of s from 0 to 1, between which no joint reverses.
-        signs : (m, 4) array
-            Directions of the joints between the knots: +1, −1, or 0 for a joint at rest.
-        """
-        s = np.unique(
-            np.concatenate([np.linspace(a, b, PATH_SAMPLES) for a, b in pairwise(self.breaks)])
-        )
-        dq = self.sample(s).dq
-        rests = np.abs(dq) <= ROUNDING_TOLERANCE
-        moving = ~rests.all(axis=0) & np.isin(np.arange(4), driven)
-        # A change of sign between two samples at rest is rounding. No start after a rest is missed,
-        # because a joint can only start at a break of the path, and every break is a knot.
-        reverses = (np.signbit(dq[1:]) != np.signbit(dq[:-1])) & ~(rests[1:] & rests[:-1])
-        roots = (
-            round(self.find_reversal(int(i), s[k], s[k + 1]), 12)
-            for k, i in np.argwhere(reverses & moving)
-        )
-        knots = add_knots(self.breaks, roots)
-        middle = self.sample((knots[1:] + knots[:-1]) / 2).dq
-        return knots, np.where(np.abs(middle) > ROUNDING_TOLERANCE, np.sign(middle), 0.0) * moving
-
 
 class ClosedPath(JointPath):
     """A smooth joint path that a CasADi function computes from a curve of the tool in closed form.
@@ -208,40 +192,43 @@ class ClosedPath(JointPath):
 
     The closed form gives angles only up to whole turns, which these positions determine.
     """
-    driven: tuple[int, ...]
-    """Indices of the joints with a drive. Only their reversals matter, because of friction."""
 
+    @property
     @abstractmethod
-    def _derivatives(self, s: Array) -> tuple[Array, ...]:
-        """Evaluate the joint positions and their derivatives along the path.
+    def parameters(self) -> list[float]:
+        """Numbers that determine the curve of the tool."""
 
-        Whole turns of the joints are not counted.
+    @staticmethod
+    @abstractmethod
+    def task(mechanism: Mechanism, s: ca.SX, parameters: ca.SX) -> ca.SX:
+        """Return the task coordinates roll, tilt, spin and depth on the curve as an expression.
 
         Parameters
         ----------
-        s : (n,) array
-            Values of the path parameter, from 0 to 1.
+        mechanism : Mechanism
+            Geometry of the robot.
+        s : symbol
+            Path parameter from 0 to 1.
+        parameters : vector of symbols
+            Numbers that determine the curve.
 
         Returns
         -------
-        tuple of three (n, 4) arrays
-            q, dq/ds and d²q/ds², in rad for joints 1 to 3 and in m for joint 4.
+        (4,) expression
+            Task coordinates, rad and m.
         """
 
     def sample(self, s: Array) -> PathSamples:
         """Evaluate q, q' and q'' at n path parameters, with whole turns counted from `first`."""
         s = np.asarray(s, dtype=float)
-        q, dq, ddq = self._derivatives(s)
+        q, dq, ddq = self._without_whole_turns(s)
         return PathSamples(s, q + self._whole_turns, dq, ddq)
 
-    @cached_property
-    def directions(self) -> tuple[Array, Array]:
-        """Knots of s at which joints reverse, and the directions of the joints between them.
-
-        The knots (m + 1,) increase from 0 to 1. The directions (m, 4) are the signs of q' = dq/ds,
-        and 0 for joints without a drive.
-        """
-        return self.smooth_directions(self.driven)
+    def _without_whole_turns(self, s: Array) -> tuple[Array, ...]:
+        """Evaluate the closed form of q, q' and q'' at n path parameters, (n, 4) each."""
+        parameters = np.tile(self.parameters, (len(s), 1))
+        function = _path_function(self.mechanism, self.branch, self.task, parameters.shape[1])
+        return call(function, s[:, None], parameters)
 
     @cached_property
     def _whole_turns(self) -> Array:
@@ -249,10 +236,39 @@ class ClosedPath(JointPath):
 
         They are multiples of 2π, and 0 for joint 4, which slides.
         """
-        q = self._derivatives(np.zeros(1))[0]
+        q = self._without_whole_turns(np.zeros(1))[0]
         turns = 2 * np.pi * np.round((self.first - q) / (2 * np.pi))
         turns[:, 3] = 0.0
         return turns
+
+
+@lru_cache(maxsize=32)
+def _path_function(
+    mechanism: Mechanism, branch: int, task: Callable[..., ca.SX], count: int
+) -> ca.Function:
+    """Build the CasADi function that evaluates the joint path along a curve of the tool.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Geometry of the robot.
+    branch : int
+        Branch +1 or −1, that is, which of the two solutions of the inverse kinematics q follows.
+    task : callable
+        Method `ClosedPath.task` of the kind of curve.
+    count : int
+        Number of parameters of the curve.
+
+    Returns
+    -------
+    ca.Function
+        Function of s and of the parameters. It returns the joint positions q except for whole
+        turns, and their derivatives q' and q'' with respect to s.
+    """
+    s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", count)
+    joints = joints_from_task_symbolic(mechanism, task(mechanism, s, parameters), branch)
+    slope: Any = ca.jacobian(joints, s)
+    return ca.Function("path", [s, parameters], ca.cse([joints, slope, ca.jacobian(slope, s)]))
 
 
 @record
@@ -268,88 +284,15 @@ class StraightPath(ClosedPath):
     first: Array
     driven: tuple[int, ...] = (0, 1, 2, 3)
 
-    def _derivatives(self, s: Array) -> tuple[Array, ...]:
-        """Evaluate the joint positions and their derivatives along the path.
+    @property
+    def parameters(self) -> list[float]:
+        """Task coordinates at the start, and their displacement to the end."""
+        return [*self.start, *(self.end - self.start)]
 
-        Whole turns of the joints are not counted.
-
-        Parameters
-        ----------
-        s : (n,) array
-            Values of the path parameter, from 0 to 1.
-
-        Returns
-        -------
-        tuple of three (n, 4) arrays
-            q, dq/ds and d²q/ds², in rad for joints 1 to 3 and in m for joint 4.
-        """
-        function = _line_function(self.mechanism, self.branch)
-        return _evaluate(function, s, [*self.start, *(self.end - self.start)])
-
-
-@lru_cache(maxsize=16)
-def _line_function(mechanism: Mechanism, branch: int) -> ca.Function:
-    """Build the CasADi function that evaluates a line in task coordinates.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Geometry of the robot.
-    branch : int
-        Branch +1 or −1, that is, which of the two solutions of the inverse kinematics q follows.
-
-    Returns
-    -------
-    ca.Function
-        Function of s and of a vector (8,), which contains the 4 task coordinates at the start and
-        the 4 components of the displacement to the end. It returns the joint positions q except for
-        whole turns, and their derivatives q' and q'' with respect to s.
-    """
-    s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", 8)
-    task = parameters[:4] + s * parameters[4:]
-    joints = joints_from_task_symbolic(mechanism, task, branch)
-    return _with_derivatives(joints, s, parameters)
-
-
-def _with_derivatives(joints: ca.SX, s: ca.SX, parameters: ca.SX) -> ca.Function:
-    """Build a CasADi function that evaluates joint positions and their derivatives.
-
-    Parameters
-    ----------
-    joints : (4,) expression
-        Joint positions q as an expression of `s` and `parameters`.
-    s : symbol
-        Path parameter.
-    parameters : vector of symbols
-        Numbers that determine the path, for example its end points.
-
-    Returns
-    -------
-    ca.Function
-        Function of s and the parameters. It returns q, dq/ds and d²q/ds².
-    """
-    slope: Any = ca.jacobian(joints, s)
-    return ca.Function("path", [s, parameters], ca.cse([joints, slope, ca.jacobian(slope, s)]))
-
-
-def _evaluate(function: ca.Function, s: Array, parameters: list[float]) -> tuple[Array, ...]:
-    """Evaluate a function of `_with_derivatives` at n values of s with the same parameters.
-
-    Parameters
-    ----------
-    function : ca.Function
-        Function of s and a vector of parameters.
-    s : (n,) array
-        Values of s.
-    parameters : list of float
-        The parameters.
-
-    Returns
-    -------
-    tuple of three (n, 4) arrays
-        q, dq/ds and d²q/ds².
-    """
-    return call(function, s[:, None], np.tile(parameters, (len(s), 1)))
+    @staticmethod
+    def task(mechanism: Mechanism, s: ca.SX, parameters: ca.SX) -> ca.SX:
+        """Return the task coordinates on the line as an expression."""
+        return parameters[:4] + s * parameters[4:]
 
 
 @record
@@ -380,24 +323,19 @@ class TipPath(ClosedPath):
             np.column_stack([np.ones_like(s), s, np.cos(turn), np.sin(turn)]) @ self.terms
         )
 
-    def _derivatives(self, s: Array) -> tuple[Array, ...]:
-        """Evaluate the joint positions and their derivatives along the path.
+    @property
+    def parameters(self) -> list[float]:
+        """The four vectors of `terms`, the angle, both spins, and the roll in the middle."""
+        return [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
 
-        Whole turns of the joints are not counted.
-
-        Parameters
-        ----------
-        s : (n,) array
-            Values of the path parameter, from 0 to 1.
-
-        Returns
-        -------
-        tuple of three (n, 4) arrays
-            q, dq/ds and d²q/ds², in rad for joints 1 to 3 and in m for joint 4.
-        """
-        function = _tip_curve_function(self.mechanism, self.branch)
-        parameters = [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
-        return _evaluate(function, s, parameters)
+    @staticmethod
+    def task(mechanism: Mechanism, s: ca.SX, parameters: ca.SX) -> ca.SX:
+        """Return the task coordinates of the tip's curve as an expression."""
+        terms = ca.reshape(parameters[:12], 3, 4)
+        angle, first_spin, last_spin, middle_roll = ca.vertsplit(parameters[12:])
+        tip = terms @ ca.vertcat(1, s, ca.cos(s * angle), ca.sin(s * angle))
+        spin = first_spin + s * (last_spin - first_spin)
+        return task_of_tip_symbolic(mechanism, tip, middle_roll, spin)
 
     @cached_property
     def _middle_roll(self) -> float:
@@ -407,36 +345,6 @@ class TipPath(ClosedPath):
         jump by a whole turn along the path.
         """
         return roll_of_tip(self.mechanism, self.tips(np.array([0.5]))[0])
-
-
-@lru_cache(maxsize=16)
-def _tip_curve_function(mechanism: Mechanism, branch: int) -> ca.Function:
-    """Build the CasADi function that evaluates the joint path for a line or an arc of the tip.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Geometry of the robot.
-    branch : int
-        Branch +1 or −1, that is, which of the two solutions of the inverse kinematics q follows.
-
-    Returns
-    -------
-    ca.Function
-        Function of s and of 16 parameters. These are the four vectors of `TipPath.terms`, the angle
-        of the arc, the spins (rotations of the tool about its own axis) at the start and at the
-        end, and the roll (rotation about joint 1) in the middle. It returns the joint positions q
-        except for whole turns, and their derivatives q' and q'' with respect to s.
-    """
-    s, parameters = ca.SX.sym("s"), ca.SX.sym("given", 16)
-    terms = ca.reshape(parameters[:12], 3, 4)
-    angle = parameters[12]
-    spin = parameters[13] + s * (parameters[14] - parameters[13])
-    roll = parameters[15]
-    tip = terms @ ca.vertcat(1, s, ca.cos(s * angle), ca.sin(s * angle))
-    task = task_of_tip_symbolic(mechanism, tip, roll, spin)
-    joints = joints_from_task_symbolic(mechanism, task, branch)
-    return _with_derivatives(joints, s, parameters)
 
 
 def find_sign_change(function: Callable[[Array], Array], low: float, high: float) -> float:

@@ -278,11 +278,12 @@ class Waves(paths.ClosedPath):
     driven = (0, 1, 2)
     first = np.array([4 * np.pi, 0.0, 0.0, 0.0])
     turns = (3.0, 1.0, 0.0, 5.0)
+    parameters = task = None  # The closed form is not a function of CasADi.
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
 
-    def _derivatives(self, s: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _without_whole_turns(self, s: np.ndarray) -> tuple[np.ndarray, ...]:
         rate = np.pi * np.array(self.turns)
         phase = np.outer(s, rate)
         q = np.sin(phase) + [0.0, 0.1, 0.2, 0.3]
