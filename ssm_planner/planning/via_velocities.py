@@ -146,6 +146,10 @@ class _ViaVelocityProblem:
         start = np.append(self.times(at_rest).max(axis=1) / unit, at_rest)
         gradient = np.append(np.ones(segments), at_rest)
 
+        def total_gradient(_: Array) -> Array:
+            """Return the gradient of the objective Σ T_k, which is constant."""
+            return gradient
+
         def speeds(unknowns: Array) -> Array:
             """Return the velocities (..., n − 1, 4) at the via points, rad/s and m/s."""
             shares = unknowns[..., segments:].reshape(*unknowns.shape[:-1], -1, 4)
@@ -167,7 +171,7 @@ class _ViaVelocityProblem:
         solution = fmin_slsqp(
             gradient.dot,
             start,
-            fprime=lambda _: gradient,
+            fprime=total_gradient,
             bounds=[*[(0.0, np.inf)] * segments, *[(-1.0, 1.0)] * at_rest.size],
             f_ieqcons=margins,
             fprime_ieqcons=margin_gradients,

@@ -73,8 +73,6 @@ class JointPath(ABC):
 
     mechanism: Mechanism
     """Geometry of the robot."""
-    driven: tuple[int, ...] = (0, 1, 2, 3)
-    """Indices of the joints with a drive. Only drives have friction, which depends on direction."""
 
     @abstractmethod
     def sample(self, s: Array) -> PathSamples:
@@ -90,6 +88,11 @@ class JointPath(ABC):
         PathSamples
             q, q' and q'' at these values, (n, 4) each.
         """
+
+    @property
+    def driven(self) -> tuple[int, ...]:
+        """Indices of the joints with a drive. Only drives have friction."""
+        return (0, 1, 2, 3)
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
@@ -566,6 +569,11 @@ class SplinePath(JointPath):
         at_rest = np.ptp(self.points, axis=0) < ROUNDING_TOLERANCE
         dq[:, at_rest] = ddq[:, at_rest] = 0.0
         return PathSamples(s, q, dq, ddq)
+
+    @property
+    def driven(self) -> tuple[int, ...]:
+        """Indices of the joints with a drive. Only drives have friction."""
+        return (0, 1, 2, 3)
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
