@@ -6,7 +6,6 @@ which names a limit and the value that the motion would need. Each change is rou
 that are printed, and the problem is planned with the rounded value before the change is reported.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -27,7 +26,7 @@ from ssm_planner.problem import (
     Problem,
     StopTravel,
 )
-from ssm_planner.problem.limit import replace_fields
+from ssm_planner.problem.limit import replace_fields, round_away
 from ssm_planner.typing import record
 from ssm_planner.units import display_unit
 
@@ -128,8 +127,7 @@ class Pause(Relaxation):
 
     def value(self, share: float) -> float:
         """Return the duration of the dwell in s, `share` times `needed`, rounded up."""
-        # Rounding the negative value down to three digits rounds the duration up.
-        return -_round_down(-share * self.needed)
+        return round_away(share * self.needed, self.present, digits=3)
 
     def problem(self, value: float) -> Problem:
         """Return the problem with a dwell of the duration `value` at the end.
@@ -159,7 +157,7 @@ class ReducedRates(Relaxation):
 
     def value(self, share: float) -> float:
         """Return the factor 1 − `share`, rounded down to three digits."""
-        return _round_down(1 - share)
+        return round_away(1 - share, self.present, digits=3)
 
     @property
     def rates(self) -> Mapping[str, float]:
@@ -429,7 +427,13 @@ class _RelaxationSearch:
         def attempt(share: float) -> TriedRelaxation:
             """Plan the problem with a share of the change, and count the work of the trial."""
             self.work.spent += TRIAL_WORK
-            return _try_relaxation(relaxation, relaxation.value(share), plan)
+            value = relaxation.value(share)
+            try:
+                outcome = plan(relaxation.problem(value))
+            # The problem forbids the change. For example, TOPP-RA cannot plan for a given duration.
+            except ProblemError as error:
+                outcome = Reason(message=str(error))
+            return TriedRelaxation(relaxation, value, outcome)
 
         for upper in shares:
             result = attempt(upper)
@@ -465,16 +469,11 @@ class _RelaxationSearch:
             limit cannot have any of these bounds.
         """
         # The small increase keeps rounding errors from making the first bound too tight.
-        limit, growth = (
-            relaxation.limit,
-            [factor * (1 + EQUALITY_TOLERANCE) for factor in CHANGE_FACTORS],
-        )
-        shares = [share for share in growth if limit.relaxed(relaxation.value(share)) is not None]
-        return (
-            self.smallest_share(relaxation, shares, stop_if=_is_other_limit_to_blame)
-            if shares
-            else None
-        )
+        factors = [factor * (1 + EQUALITY_TOLERANCE) for factor in CHANGE_FACTORS]
+        shares = [share for share in factors if relaxation.limit.relaxed(relaxation.value(share))]
+        if not shares:
+            return None
+        return self.smallest_share(relaxation, shares, stop_if=_is_other_limit_to_blame)
 
     def smallest_joint_change(self, relaxation: Relaxation) -> TriedRelaxation | None:
         """Find changes of one limit, or of several limits together, that give a motion.
@@ -532,33 +531,6 @@ class _RelaxationSearch:
                 if result.works:
                     return result
         return None
-
-
-def _try_relaxation(relaxation: Relaxation, value: float, plan: Planner) -> TriedRelaxation:
-    """Plan a problem with a changed limit, and return the outcome.
-
-    If the problem forbids the change, the outcome is a reason. For example, a problem with the
-    planner `toppra` cannot request a duration.
-
-    Parameters
-    ----------
-    relaxation : Relaxation
-        The change.
-    value : float
-        Value of the change, rounded to the digits that are printed.
-    plan : callable
-        Function that plans a problem. It returns the duration of the motion in s, or a reason.
-
-    Returns
-    -------
-    TriedRelaxation
-        The change by this value, with its outcome.
-    """
-    try:
-        outcome = plan(relaxation.problem(value))
-    except ProblemError as error:
-        outcome = Reason(message=str(error))
-    return TriedRelaxation(relaxation, value, outcome)
 
 
 def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
@@ -659,51 +631,18 @@ def _other_relaxations(
     if limit is None or required is None or available is None:
         return
     if isinstance(limit, ContinuousTorque) and duration is not None:
-        yield from _more_time(problem, limit, duration, (required / available) ** 2 - 1)
+        # Without torque, a pause of `excess` times the duration reduces the mean heat to its limit.
+        excess = (required / available) ** 2 - 1
+        if not problem.end_rate:
+            yield Pause(problem, limit, duration * excess), CHANGE_FACTORS
+        if any(entry.duration is None for entry in problem.motion):
+            yield Relaxation(problem, Duration(duration), 2 * duration), CHANGE_FACTORS
     if limit.name in LIMITS_OF_END_RATES:
         # A velocity is proportional to the rates, so this factor on the rates should suffice. Rest
         # is tried too.
         possible = available / required if required > available > 0 else 0.0
         shares = sorted({1 - possible, 1.0})
-        ends = (ReducedRates(problem, limit, 0.0, end) for end in get_args(End))
-        yield from ((relaxation, shares) for relaxation in ends if relaxation.rates)
-
-
-def _more_time(
-    problem: Problem, limit: Limit, duration: float, excess: float
-) -> Iterator[tuple[Relaxation, Sequence[float]]]:
-    """Yield a pause and a longer duration for a motion that makes a motor too hot.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    limit : Limit
-        Limit on the continuous torque of the motor.
-    duration : float
-        Duration of the motion, s.
-    excess : float
-        Relative excess of heat, (RMS torque / continuous torque)² − 1.
-
-    Yields
-    ------
-    relaxation : Relaxation
-        The pause, or the change of the duration.
-    shares : sequence of float
-        Increasing shares of the full change, to be tried in turn.
-    """
-    # Without torque, a pause of `excess` times the duration reduces the mean heat to its limit.
-    if not problem.end_rate:
-        yield Pause(problem, limit, duration * excess), CHANGE_FACTORS
-    if any(entry.duration is None for entry in problem.motion):
-        yield Relaxation(problem, Duration(duration), 2 * duration), CHANGE_FACTORS
-
-
-def _round_down(value: float) -> float:
-    """Round a number down to three significant digits, towards −∞."""
-    if value == 0.0:
-        return 0.0
-    # Value of the third digit. The inner `round` keeps a rounding error from lowering an exact
-    # value, and the outer one removes the error of the product.
-    unit = 10.0 ** (math.floor(math.log10(abs(value))) - 2)
-    return round(math.floor(round(value / unit, 6)) * unit, 12)
+        for end in get_args(End):
+            relaxation = ReducedRates(problem, limit, 0.0, end)
+            if relaxation.rates:
+                yield relaxation, shares

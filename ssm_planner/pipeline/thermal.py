@@ -289,9 +289,8 @@ def _find_smallest_cool(
     docstring, falls with the number. A motion that passes the check is called cool.
 
     The first of the `numbers` with a cool motion, and the number before it, enclose the number at
-    which the excess is 0. The Illinois method, a variant of false position, finds that number. The
-    method ends with a cool motion whose excess is at least −GAP, or whose number exceeds one with a
-    hot motion by at most GAP.
+    which the excess is 0. Brent's method finds that number. It ends with a cool motion whose excess
+    is at least −GAP, or whose number exceeds one with a hot motion by at most GAP.
 
     Parameters
     ----------
@@ -308,35 +307,32 @@ def _find_smallest_cool(
         The number and its motion. None if no number gives a cool motion, if the excess changes by
         at most `GAP` from one number to the next, or if a motion exceeds another limit.
     """
-    # The root lies between `lower`, whose motion has the excess `excess_at_lower` > 0, and `upper`,
-    # whose motion stays below the allowed heat by the share `margin_at_upper` ≥ 0.
-    lower, excess_at_lower = 0.0, hottest.excess_heat or 0.0
+    from scipy.optimize import brentq  # SciPy's optimisers take long to import.
+
+    outcomes = {0.0: hottest}
+
+    def excess(number: float) -> float:
+        """Return the excess of heat for a number, or 0 if the motion is cool and fast enough."""
+        if number not in outcomes:
+            outcomes[number] = motion(number)
+        outcome = outcomes[number]
+        # A motion that exceeds another limit counts as hot.
+        heat = 1.0 if outcome.excess_heat is None else outcome.excess_heat
+        return 0.0 if outcome.passed and heat >= -GAP else heat
+
+    lower = 0.0
     for upper in numbers:
-        outcome = motion(upper)
-        if outcome.passed:
+        if excess(upper) <= 0.0:
             break
-        excess = outcome.excess_heat
-        if excess is None or (lower and abs(excess - excess_at_lower) <= GAP):
+        stays_hot = lower > 0.0 and excess(lower) - excess(upper) <= GAP
+        if stays_hot or outcomes[upper].excess_heat is None:
             return None
-        lower, excess_at_lower = upper, excess
+        lower = upper
     else:
         return None
-    margin_at_upper, last = -(outcome.excess_heat or 0.0), ""
-    while upper - lower > GAP and -(outcome.excess_heat or 0.0) > GAP:
-        # Root of the line through both values of the excess, as a share of the interval. The limits
-        # 0.02 and 0.98 make the interval smaller even if this root lies at one of its ends.
-        secant = excess_at_lower / (excess_at_lower + margin_at_upper)
-        middle = lower + float(np.clip(secant, 0.02, 0.98)) * (upper - lower)
-        trial = motion(middle)
-        # If the same end of the interval stays twice, the Illinois method halves the value there.
-        # Otherwise this end might stay for many steps, which would make the method slow.
-        if trial.passed:
-            upper, outcome, margin_at_upper = middle, trial, -(trial.excess_heat or 0.0)
-            excess_at_lower, last = excess_at_lower / (2 if last == "cool" else 1), "cool"
-        else:
-            lower, excess_at_lower = middle, trial.excess_heat or excess_at_lower
-            margin_at_upper, last = margin_at_upper / (2 if last == "hot" else 1), "hot"
-    return upper, outcome
+    brentq(excess, lower, upper, xtol=GAP)
+    coolest = min(number for number, outcome in outcomes.items() if outcome.passed)
+    return coolest, outcomes[coolest]
 
 
 def _may_take_longer(phase: PlannedPhase) -> bool:

@@ -282,8 +282,8 @@ def replace_fields(value: P, **changes: Any) -> P:
     return replace(instance, **changes)
 
 
-def round_away(value: float, bound: float) -> float:
-    """Round a value to `MESSAGE_DIGITS` significant digits, away from a bound.
+def round_away(value: float, bound: float, digits: int = MESSAGE_DIGITS) -> float:
+    """Round a value to a number of significant digits, away from a bound.
 
     A rounded value that a message suggests as a new bound must not be stricter than the exact one.
     A value that agrees with its rounded form up to `CONVERSION_TOLERANCE` is not moved away.
@@ -294,17 +294,19 @@ def round_away(value: float, bound: float) -> float:
         Value that is rounded.
     bound : float
         Present bound. A larger value is rounded up, and a smaller value is rounded down.
+    digits : int
+        Number of significant digits.
 
     Returns
     -------
     float
         The rounded value.
     """
-    rounded = float(f"{value:.{MESSAGE_DIGITS}g}")
+    rounded = float(f"{value:.{digits}g}")
     if not math.isfinite(value) or math.isclose(value, rounded, rel_tol=CONVERSION_TOLERANCE):
         return rounded
     decimal = Decimal(value)
-    last_digit = Decimal(1).scaleb(decimal.adjusted() - MESSAGE_DIGITS + 1)
+    last_digit = Decimal(1).scaleb(decimal.adjusted() - digits + 1)
     rounding = ROUND_CEILING if value > bound else ROUND_FLOOR
     return float(decimal.quantize(last_digit, rounding=rounding))
 
