@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import field, replace
 from functools import cached_property, lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,7 @@ from ssm_planner.problem import (
     Tip,
     motion_key,
 )
-from ssm_planner.typing import Array, Range, record
+from ssm_planner.typing import Array, record
 
 
 @record
@@ -244,35 +245,39 @@ def start_configurations(problem: Problem) -> list[Array]:
         return [np.array(target.values)]
     with within("start"):
         mechanism = Mechanism.from_robot(problem.robot)
-        solutions = _inverse_solutions(problem, mechanism, target, np.zeros(4), None)
+        solutions = _inverse_solutions(problem, mechanism, target, np.zeros(4), np.zeros(4))
+    # Almost a whole turn, so that no joint at 0 has equivalent angles.
+    turn = np.full(3, 2 * np.pi - EQUALITY_TOLERANCE)
     reaching = np.flatnonzero(solutions.reaches[0])
     order = sorted(reaching, key=lambda k: bool(solutions.branch[0, k] != mechanism.home_branch))
-    return [q for k in order for q in _with_whole_turns(solutions.joints[0, k])]
+    result: list[Array] = []
+    for k in order:
+        equivalent = _with_whole_turns(solutions.joints[0, k], -turn, turn)
+        result += sorted(equivalent, key=lambda joints: float(np.abs(joints[:3]).sum()))
+    return result
 
 
-def _with_whole_turns(q: Array) -> list[Array]:
-    """Return joint positions with all combinations of whole turns that keep the angles near zero.
-
-    Each angle is taken within half a turn of zero, and once more with a whole turn less (if it is
-    positive) or more (if it is negative). The combination with the smallest sum of |angles| comes
-    first.
+def _with_whole_turns(q: Array, low: Array, high: Array) -> list[Array]:
+    """Return joint positions with the same pose of the tool, which differ by whole turns.
 
     Parameters
     ----------
     q : (4,) array
         Joint positions, rad and m.
+    low, high : (3,) arrays
+        Smallest and largest angles of the revolute joints, rad.
 
     Returns
     -------
     list of (4,) arrays
-        Joint positions with the same pose of the tool.
+        Joint positions, rad and m. Each angle is that of `q`, or a whole turn less or more.
     """
-    angles = np.arctan2(np.sin(q[:3]), np.cos(q[:3]))
-    choices = [
-        [angle, angle - 2 * np.pi * np.sign(angle)] if angle else [angle] for angle in angles
-    ]
-    grid = [np.array([*angles_with_turns, q[3]]) for angles_with_turns in product(*choices)]
-    return sorted(grid, key=lambda joints: float(np.abs(joints[:3]).sum()))
+    choices = []
+    for angle, smallest, largest in zip(q[:3], low, high, strict=True):
+        turned = angle + 2 * np.pi * np.array([0, -1, 1])
+        beyond = np.maximum(smallest - turned, turned - largest)
+        choices.append(turned[beyond <= ROUNDING_TOLERANCE])
+    return [np.array([*angles, q[3]]) for angles in product(*choices)]
 
 
 def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
@@ -430,15 +435,15 @@ class _PhaseBuilder:
             in the phase.
         """
         points, at_target = [self.q], self
-        for _, _, at_target in self.targets(motion):
+        for at_target, _ in self.targets(motion):
             if np.abs(at_target.q - points[-1]).max() >= ROUNDING_TOLERANCE:
                 points.append(at_target.q)
         if len(points) == 1:
             return self._rest_phase(motion)
         return Phase(self.problem, motion, self.start, at_target.start, np.stack(points))
 
-    def targets(self, motion: Free) -> "Iterator[tuple[Point, _PhaseBuilder, _PhaseBuilder]]":
-        """Yield the targets of a free motion with the states before and at each of them.
+    def targets(self, motion: Free) -> "Iterator[tuple[_PhaseBuilder, Iterator[Array]]]":
+        """Yield the state at each target of a free motion, and other joint positions there.
 
         The targets are the via points (between start and end) and the end. If the spin at the end
         is free, the spin before it is kept.
@@ -450,10 +455,10 @@ class _PhaseBuilder:
 
         Yields
         ------
-        target : Point
-            Via point or end of the motion.
-        before, at_target : _PhaseBuilder
-            The states as builders, whose phases begin at the previous target and at this one.
+        at_target : _PhaseBuilder
+            The state at the target with the preferred joint positions, as a builder.
+        others : iterator of (4,) arrays
+            The other joint positions at the target that are within their ranges, rad and m.
         """
         before = self
         for k, target in enumerate((*motion.through, motion.to)):
@@ -461,27 +466,27 @@ class _PhaseBuilder:
             if is_last and motion.spin_free and not isinstance(target, Joints):
                 target = replace(target, spin=float(before.start[2]))
             with within("to" if is_last else f"through[{k}]"):
-                at_target = before._builder_at(before._joints_at_target(target))
-            yield target, before, at_target
-            before = at_target
+                joints = before._joints_at(target)
+                before = before._builder_at(next(joints))
+            yield before, joints
 
-    def _joints_at_target(self, target: Point) -> Array:
-        """Return the joint positions at a target of a free motion.
+    def _joints_at(self, target: Point) -> Iterator[Array]:
+        """Yield all joint positions that reach a target, the preferred ones first.
 
-        They are the given ones, or the solution of the inverse kinematics that is nearest to the
-        present joint positions. The inverse kinematics has two solutions (branches +1 and −1).
-        Solutions on the present branch and within the ranges of the joints are preferred, then
-        solutions within the ranges, then any solution.
+        They are the given ones, or the solutions of the inverse kinematics, which has two branches
+        (+1 and −1), with whole turns of the revolute joints. The solution nearest to the present
+        joint positions is preferred: among those on the present branch and within the ranges of the
+        joints, else among those within the ranges, else among all.
 
         Parameters
         ----------
         target : Point
             Via point (between start and end) or end of a free motion.
 
-        Returns
-        -------
+        Yields
+        ------
         (4,) array
-            Joint positions, rad and m.
+            Joint positions, rad and m. All except the first ones are within their ranges.
 
         Raises
         ------
@@ -489,25 +494,21 @@ class _PhaseBuilder:
             If the mechanism cannot reach the target.
         """
         if isinstance(target, Joints):
-            return np.array(target.values)
+            yield np.array(target.values)
+            return
         # The solutions are sorted by their distance from q, so the first usable one is nearest.
-        solutions = self.solutions(target)
-        branch = self.mechanism.branch_of(self.q)
-        usable = solutions.valid[0] & (solutions.branch[0] == branch)
+        solutions = _inverse_solutions(self.problem, self.mechanism, target, self.start, self.q)
+        joints, valid = solutions.joints[0], solutions.valid[0]
+        usable = valid & (solutions.branch[0] == self.mechanism.branch_of(self.q))
         if not usable.any():
-            usable = solutions.valid[0] if solutions.valid[0].any() else solutions.reaches[0]
-        return np.array(solutions.joints[0, int(np.argmax(usable))])
-
-    def solutions(self, target: Point) -> Solutions:
-        """Return all inverse-kinematics solutions of a target, those nearest to `q` first.
-
-        Parameters
-        ----------
-        target : Task or Tip
-            Point in task coordinates, or position of the tip. Coordinates that it omits are those
-            of the present position.
-        """
-        return _inverse_solutions(self.problem, self.mechanism, target, self.start, self.q)
+            usable = valid if valid.any() else solutions.reaches[0]
+        preferred = joints[int(np.argmax(usable))]
+        yield preferred
+        low, high = np.array([joint.position for joint in self.problem.robot.joints[:3]]).T
+        for solution in joints[valid]:
+            for q in _with_whole_turns(solution, low, high):
+                if np.abs(q - preferred).max() > ROUNDING_TOLERANCE:
+                    yield q
 
     def _curve_phases(self, motion: Follow) -> list[Phase]:
         """Build the phases of a motion along a curve.
@@ -535,27 +536,27 @@ class _PhaseBuilder:
             approach = Free(Joints.from_array(beginning), name=name, line=motion.line)
             points = np.stack([self.q, beginning])
             phases = [Phase(self.problem, approach, self.start, builder.start, points)]
+            curve = replace(curve, task=builder.start, q=beginning)
         if motion.curve in TIP_CURVES:
-            return [*phases, builder._tip_phase(motion)]
-        return [*phases, *builder._spline_phases(motion, curve.points)]
+            return [*phases, builder._tip_phase(curve)]
+        return [*phases, *builder._spline_phases(curve)]
 
-    def _spline_phases(self, motion: Follow, points: Array) -> list[Phase]:
+    def _spline_phases(self, curve: CurveFollower) -> list[Phase]:
         """Build the phases through the points of a spline or table.
 
         A table is divided at its corners into smooth curves, and the robot stops between them.
 
         Parameters
         ----------
-        motion : Follow
-            Entry of the motion list.
-        points : (n, 4) array
-            Joint positions at the points of the curve, rad and m.
+        curve : CurveFollower
+            The curve, which begins at the present position.
 
         Returns
         -------
         list of Phase
             One phase for each smooth curve, in the order of time.
         """
+        motion, points = curve.motion, curve.points
         # Divided by the velocity limits, rad and m become comparable.
         scale = self.problem.robot.velocities
         if len(points) == 1:
@@ -572,7 +573,7 @@ class _PhaseBuilder:
             builder = replace(self, start=phases[-1].end)
         return phases
 
-    def _tip_phase(self, motion: Follow) -> Phase:
+    def _tip_phase(self, curve: CurveFollower) -> Phase:
         """Build the phase in which the tip follows a line or an arc.
 
         If the line passes the remote centre along the tool axis, joints 3 and 4 move in a straight
@@ -580,8 +581,8 @@ class _PhaseBuilder:
 
         Parameters
         ----------
-        motion : Follow
-            Entry of the motion list.
+        curve : CurveFollower
+            The curve, which begins at the present position.
 
         Returns
         -------
@@ -591,14 +592,13 @@ class _PhaseBuilder:
         """
         # Joint positions (4,) in place of a path are those at the end: `q`, or positions that only
         # joints 3 and 4 have to move to.
-        path = CurveFollower(self.problem, self.mechanism, motion, self.start, self.q).tip_path()
-        if isinstance(path, JointPath):
-            return self._phase_along(motion, path)
-        if np.abs(path - self.q).max() < ROUNDING_TOLERANCE:
-            return self._rest_phase(motion)
-        end = self._builder_at(path).start
-        straight = straight_path(self.problem, self.mechanism, self.start, end, self.q)
-        return self._phase_along(motion, straight)
+        path = curve.tip_path()
+        if not isinstance(path, JointPath):
+            if np.abs(path - self.q).max() < ROUNDING_TOLERANCE:
+                return self._rest_phase(curve.motion)
+            end = self._builder_at(path).start
+            path = straight_path(self.problem, self.mechanism, self.start, end, self.q)
+        return self._phase_along(curve.motion, path)
 
 
 def _join_blended_phases(problem: Problem, phases: list[Phase], keys: list[str]) -> list[Phase]:
@@ -734,7 +734,7 @@ def reversal_ranges(phase: Phase, points: Array) -> Array:
     ranges = np.array([joint.position for joint in problem.robot.joints]).T
     # The position of joint 4 is the depth, or its negative.
     depth = np.sort(mechanism.insertion_sign * np.array(problem.ranges["depth"]))
-    ranges[:, 3] = max(ranges[0, 3], depth[0]), min(ranges[1, 3], depth[1])
+    ranges[:, 3] = np.clip(ranges[:, 3], *depth)
     low, high = problem.ranges.get("tilt", (-np.inf, np.inf))
     branches = set(mechanism.branch_of(points).tolist())
     # On each branch, tilt is a monotone function of joint 2 alone and keeps its sign. The range of
@@ -743,10 +743,9 @@ def reversal_ranges(phase: Phase, points: Array) -> Array:
         ends = np.sort(theta2_from_tilt(mechanism, np.array([low, high]), *branches))
         # Whole turns move the range to the one that contains the start.
         ends += 2 * np.pi * np.round((points[0, 1] - ends.mean()) / (2 * np.pi))
-        ranges[:, 1] = max(ranges[0, 1], ends[0]), min(ranges[1, 1], ends[1])
-    return np.stack(
-        [np.minimum(ranges[0], points.min(axis=0)), np.maximum(ranges[1], points.max(axis=0))]
-    )
+        ranges[:, 1] = np.clip(ranges[:, 1], *ends)
+    positions = np.vstack([ranges, points])
+    return np.stack([positions.min(axis=0), positions.max(axis=0)])
 
 
 def alternative_joints(phase: Phase, index: int) -> list[Array]:
@@ -769,25 +768,12 @@ def alternative_joints(phase: Phase, index: int) -> list[Array]:
     """
     assert isinstance(phase.motion, Free)
     builder = _PhaseBuilder(phase.problem, phase.mechanism, phase.start, phase.q_start)
-    target, before, at_target = list(builder.targets(phase.motion))[index]
-    if isinstance(target, Joints):
-        return []
-    solutions = before.solutions(target)
-    ranges = np.array([joint.position for joint in phase.problem.robot.joints[:3]])
-    ends = []
-    for q in solutions.joints[0, solutions.valid[0]]:
-        # Each angle with a whole turn less and more.
-        with_turns = q[:3, None] + 2 * np.pi * np.array([0, -1, 1])
-        in_range = (with_turns >= ranges[:, :1] - ROUNDING_TOLERANCE) & (
-            with_turns <= ranges[:, 1:] + ROUNDING_TOLERANCE
-        )
-        usable_angles = [angles[mask] for angles, mask in zip(with_turns, in_range, strict=True)]
-        ends += [np.array([*angles, q[3]]) for angles in product(*usable_angles)]
-    return [q for q in ends if np.abs(q - at_target.q).max() > ROUNDING_TOLERANCE]
+    _, others = list(builder.targets(phase.motion))[index]
+    return list(others)
 
 
 def _inverse_solutions(
-    problem: Problem, mechanism: Mechanism, target: Point, defaults: Array, reference: Array | None
+    problem: Problem, mechanism: Mechanism, target: Point, defaults: Array, reference: Array
 ) -> Solutions:
     """Return all joint solutions of a target in task coordinates, or of a position of the tip.
 
@@ -801,25 +787,21 @@ def _inverse_solutions(
         The target. A position of the tip must lie in the range of depth.
     defaults : (4,) array
         Task coordinates that replace omitted ones, rad and m.
-    reference : (4,) array or None
-        Joint positions, rad and m. The solutions nearest to them come first, and those within the
-        ranges of the joints are marked as valid. None: the ranges are not tested, and the solutions
-        keep the order of the inverse kinematics.
+    reference : (4,) array
+        Joint positions, rad and m. The solutions nearest to them come first.
 
     Returns
     -------
     Solutions
         Joint positions on both branches, that is, for both solutions of the inverse kinematics, and
-        which of them reach the target.
+        which of them reach the target, also within the ranges of the joints.
 
     Raises
     ------
     ProblemError
         If the mechanism cannot reach the target.
     """
-    limits = None
-    if reference is not None:
-        limits = tuple(joint.position for joint in problem.robot.joints)
+    limits = [joint.position for joint in problem.robot.joints]
     if isinstance(target, Tip):
         solutions = inverse_tip(
             mechanism, [target.position], target.spin, limits=limits, reference=reference
@@ -841,34 +823,24 @@ def _inverse_solutions(
         return solutions
     assert isinstance(target, Task)
     task = complete_task(problem, mechanism, target, defaults)
-    near = None if reference is None else tuple(reference.tolist())
-    return _cached_inverse_task(mechanism, tuple(task.tolist()), limits, near)
+    return _cached_inverse_task(mechanism, *map(tuple, (task, limits, reference)))
 
 
 @lru_cache(maxsize=256)
-def _cached_inverse_task(
-    mechanism: Mechanism,
-    task: tuple[float, ...],
-    limits: tuple[Range, ...] | None,
-    reference: tuple[float, ...] | None,
-) -> Solutions:
+def _cached_inverse_task(mechanism: Mechanism, *target: tuple[Any, ...]) -> Solutions:
     """Solve the inverse kinematics of one target, and cache the result for repeated targets.
 
     The planner asks for the same target several times, for example when it compares joint positions
-    at the start. The cache saves 28 % of the CPU time of the problem `waypoints`. A cache needs
-    hashable arguments, so arrays are passed as tuples.
+    at the start. Without the cache, the problem `waypoints` takes almost twice the CPU time. A
+    cache needs hashable arguments, so arrays are passed as tuples.
 
     Parameters
     ----------
     mechanism : Mechanism
         Geometry of the robot.
-    task : tuple of 4 floats
-        Task coordinates roll, tilt, spin (rad) and depth (m) of the target.
-    limits : tuple of 4 pairs of floats, or None
-        Smallest and largest position of each joint, rad and m. Solutions outside count as not
-        valid.
-    reference : tuple of 4 floats, or None
-        Joint positions, rad and m. The solutions nearest to them come first.
+    *target : tuples
+        Task coordinates (4,) of the target, smallest and largest position of each joint, and the
+        joint positions (4,) whose nearest solutions come first, all in rad and m.
 
     Returns
     -------
@@ -876,4 +848,5 @@ def _cached_inverse_task(
         Joint positions on both branches, that is, for both solutions of the inverse kinematics, and
         which of them are valid.
     """
+    task, limits, reference = target
     return inverse_task(mechanism, [task], limits=limits, reference=reference)

@@ -7,8 +7,6 @@ its lower bound, and then its estimate (an approximate motion), are shorter than
 """
 
 from collections.abc import Sequence
-from heapq import heappop, heappush
-from itertools import count
 
 import numpy as np
 
@@ -61,34 +59,33 @@ def find_fastest(
         All candidates with their bounds, estimates and results, in the order of suggestion.
     """
     evaluations: list[Evaluation[P, R]] = []
-    queue: list[tuple[float, int, Evaluation[P, R]]] = []
-    # The running number `order` breaks ties, because the heap cannot compare two evaluations.
-    order, solution, begin = count(), None, work.spent
+    solution, begin = None, work.spent
 
-    def suggest(evaluation: Evaluation[P, R] | None) -> None:
-        """Add the candidates suggested after an evaluation to `evaluations` and `queue`."""
+    def suggest(latest: Evaluation[P, R] | None) -> None:
+        """Add the candidates that are suggested after an evaluation."""
         for kind in kinds:
-            for candidate in kind.suggested(planner, evaluation):
+            for candidate in kind.suggested(planner, latest):
                 evaluations.append(Evaluation(candidate, candidate.bound))
-                heappush(queue, (evaluations[-1].known_duration, next(order), evaluations[-1]))
 
     suggest(None)
-    while queue:
-        duration, _, evaluation = heappop(queue)
+    while True:
         limit = cutoff if solution is None else min(cutoff, (1 - gap) * solution.duration)
-        # The heap may contain candidates that a later solution has excluded.
-        if duration >= limit:
-            continue
+        promising = [
+            item for item in evaluations if item.result is None and item.known_duration < limit
+        ]
+        if not promising:
+            break
+        # min returns the first of equal values: the candidate that was suggested first.
+        evaluation = min(promising, key=lambda item: item.known_duration)
         if limit < np.inf and work.spent - begin > budget:
             evaluation.result = Reason(message="not solved: the work budget is spent")
             continue
         spent = work.spent
         evaluation.advance(limit)
         evaluation.effort += work.spent - spent
-        if evaluation.result is None:
-            heappush(queue, (evaluation.known_duration, next(order), evaluation))
-        elif not isinstance(evaluation.result, Reason) and evaluation.result.duration < limit:
-            solution = evaluation.result
+        result = evaluation.result
+        if result is not None and not isinstance(result, Reason) and result.duration < limit:
+            solution = result
         suggest(evaluation)
     reasons = [evaluation.failed for evaluation in evaluations if evaluation.failed is not None]
     reasons.append(Reason(message="no motion is short enough"))
