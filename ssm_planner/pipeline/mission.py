@@ -19,7 +19,7 @@ from ssm_planner.pipeline.thermal import with_fast_planner
 from ssm_planner.planning.candidates.candidate import CandidateEntry
 from ssm_planner.planning.candidates.other_joints import JointsPlanner, MissionMotion, OtherJoints
 from ssm_planner.planning.feasibility import eye_forbids_target, feasible_phases
-from ssm_planner.planning.phases import Phase, build_phases, start_configurations
+from ssm_planner.planning.phases import build_phases, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import GAP
@@ -177,7 +177,10 @@ class _Search:
             Value of `Work.spent` at which the search ends.
         """
         problem, best = self.best_problem, self.best
-        phases = _phases_to_search(problem)
+        # If a limit forbids a point with all joint positions at the start, the search begins with the
+        # first ones, because other joint positions at a target may avoid the limit.
+        phases = feasible_phases(problem)[0]
+        phases = phases or build_phases(problem, start_configurations(problem)[0])
         name, number = problem.motion[target[0]].name, count(1)
 
         def report() -> None:
@@ -208,7 +211,7 @@ class _Search:
                 self.best, self.best_problem = outcome, alternative
             return MissionMotion(outcome.duration, outcome.planned.phases)
 
-        known = MissionMotion(best.duration, best.planned.phases) if best.passed else None
+        known = MissionMotion(best.duration, best.planned.phases)
         planner = JointsPlanner(
             problem, phases, target, known, plan=plan, work=self.work, report=report
         )
@@ -249,25 +252,3 @@ def open_targets(problem: Problem) -> list[tuple[int, int]]:
         if not isinstance(target, Joints)
     ]
     return result if len(result) <= MAX_TARGETS else []
-
-
-def _phases_to_search(problem: Problem) -> tuple[Phase, ...]:
-    """Build the phases from which the search for other joint positions at the targets begins.
-
-    A phase is an entry of the motion list with its joint positions. Several joint positions may
-    reach the start of the problem. The first ones are taken with which no limit forbids a point of
-    the problem. If a limit forbids a point with each of them, the first ones are taken anyway,
-    because other joint positions at a target may avoid the limit.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-
-    Returns
-    -------
-    tuple of Phase
-        The phases in the order of the motion list.
-    """
-    phases, _ = feasible_phases(problem)
-    return phases or build_phases(problem, start_configurations(problem)[0])

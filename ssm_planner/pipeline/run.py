@@ -38,7 +38,6 @@ from ssm_planner.planning.work import Work
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem import (
     TASK_COORDINATES,
-    ContinuousTorque,
     Free,
     Joints,
     Motion,
@@ -186,15 +185,12 @@ def _with_relaxation(
         if the search finds nothing.
     """
     trajectory = outcome.planned.trajectory
-    # A fast motion is quicker to plan than one of little heat. It does not suffice if heat is the
-    # reason of the failure.
-    any_suffices = not isinstance(reason.limit, ContinuousTorque)
     attempt = find_relaxation(
         problem,
         reason,
         partial(_duration_or_reason, work=work),
         None if trajectory is None else trajectory.duration,
-        feasible=partial(_find_any_motion, work=work, any_suffices=any_suffices),
+        feasible=partial(_find_any_motion, work=work),
         work=work,
     )
     if attempt is None:
@@ -618,10 +614,11 @@ def _duration_or_reason(
     return outcome.reason or outcome.duration
 
 
-def _find_any_motion(problem: Problem, work: Work, *, any_suffices: bool) -> float | Reason:
+def _find_any_motion(problem: Problem, work: Work) -> float | Reason:
     """Find any motion of a problem that passes the check, and return its duration or a reason.
 
-    The search for a change of a limit uses it, because it is faster than a complete plan.
+    The search for a change of a limit uses it, because it is faster than a complete plan. The
+    motion need not have little heat.
 
     Parameters
     ----------
@@ -629,17 +626,14 @@ def _find_any_motion(problem: Problem, work: Work, *, any_suffices: bool) -> flo
         The problem.
     work : Work
         Counter of the computational work, to which this function adds.
-    any_suffices : bool
-        True if the motion need not have little heat, even if the objective asks for it.
 
     Returns
     -------
     float or Reason
         Duration in s, or the reason why there is no certified motion.
     """
-    if any_suffices and problem.objective == "time then heat":
-        problem = unchecked_copy(problem, objective="time")
-    return _duration_or_reason(with_fast_planner(problem), work, first_suffices=True)
+    fastest = unchecked_copy(with_fast_planner(problem), objective="time")
+    return _duration_or_reason(fastest, work, first_suffices=True)
 
 
 def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, float]]:
@@ -664,7 +658,7 @@ def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, f
     """
     shortest = math.inf
     for words, changed in changes_of_limits(problem, relaxed).values():
-        outcome = _find_any_motion(changed, Work(), any_suffices=True)
+        outcome = _find_any_motion(changed, Work())
         if isinstance(outcome, float):
             yield words, outcome
             if outcome > (1 - GAP) * shortest:

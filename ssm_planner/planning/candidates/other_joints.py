@@ -26,7 +26,7 @@ from ssm_planner.planning.phases import Phase, alternative_joints
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.planner import estimated_duration
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, GAP, ROUNDING_TOLERANCE
+from ssm_planner.planning.tolerances import GAP, ROUNDING_TOLERANCE
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Free, Joints, Motion, Problem, unchecked_copy
 from ssm_planner.typing import Array, record
@@ -69,8 +69,11 @@ class JointsPlanner:
 
     The targets of a motion are its via points and its end, in this order.
     """
-    best: MissionMotion | None
-    """Shortest motion so far that has passed the independent check. None if there is none."""
+    best: MissionMotion
+    """Shortest motion so far that has passed the independent check.
+
+    If there is none, its duration is infinite.
+    """
     plan: Callable[[Problem], MissionMotion | Reason]
     """Plans and checks a problem in which joint positions replace the target."""
     work: Work
@@ -89,11 +92,6 @@ class JointsPlanner:
     def phase(self) -> Phase:
         """The phase (entry of the motion list) that leads to the target."""
         return next(phase for phase in self.phases if phase.motion is self.motion)
-
-    @property
-    def cutoff(self) -> float:
-        """Duration of the shortest motion so far, s. Infinite if there is none."""
-        return np.inf if self.best is None else self.best.duration
 
     @property
     def spin_free(self) -> bool:
@@ -231,26 +229,20 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
             first.
         """
         if latest is not None:
+            candidate, motion = latest.candidate, latest.result
             # Spins are not varied again around a candidate that is itself such a variation.
-            if planner.spin_free and isinstance(latest.result, MissionMotion):
-                assert isinstance(latest.candidate, OtherJoints)
-                if not latest.candidate.only_spin_differs:
-                    yield from cls._candidates_with_other_spins(
-                        planner, latest.candidate.q, latest.result
-                    )
+            if isinstance(candidate, OtherJoints) and not candidate.only_spin_differs:
+                yield from cls._candidates_with_other_spins(planner, candidate.q, motion)
             return
         options = [
             option for q in planner.joints() for option in cls._feasible_candidate(planner, q)
         ]
         options.sort(key=lambda option: option.bound)
-        if planner.best is None:
+        if planner.best.duration == np.inf:
             yield from cls._rescues(planner, options)
             return
         yield from options
-        if planner.spin_free:
-            yield from cls._candidates_with_other_spins(
-                planner, planner.phase.points[-1], planner.best
-            )
+        yield from cls._candidates_with_other_spins(planner, planner.phase.points[-1], planner.best)
 
     @classmethod
     def _rescues(cls, planner: JointsPlanner, options: "list[OtherJoints]") -> "list[OtherJoints]":
@@ -289,8 +281,8 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
 
         A candidate is one way to move the problem. Its lower bound is the sum of the least
         durations of all phases (entries of the motion list), or the requested duration if that is
-        longer. No candidate is yielded if simple checks exclude a motion, if the bound exceeds the
-        requested duration, or if it is not below the duration of the best motion.
+        longer. No candidate is yielded if simple checks exclude a motion, or if the bound is not
+        below the duration of the best motion.
 
         Parameters
         ----------
@@ -313,17 +305,15 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
             phases, _ = feasible_phases(problem)
         except ProblemError:  # A straight motion cannot begin at these joints.
             return
-        requested = problem.duration or 0.0
-        bound = max(sum(phase.minimum_duration for phase in phases), requested)
-        in_time = not requested or bound <= requested * (1 + EQUALITY_TOLERANCE)
-        if phases and in_time and bound < planner.cutoff:
+        bound = max(sum(phase.minimum_duration for phase in phases), problem.duration or 0.0)
+        if phases and bound < planner.best.duration:
             # The candidate has the original start again.
             problem = unchecked_copy(planner.problem, motion=problem.motion)
             yield cls(planner, problem, q, bound, only_spin_differs)
 
     @classmethod
     def _candidates_with_other_spins(
-        cls, planner: JointsPlanner, q: Array, motion: MissionMotion
+        cls, planner: JointsPlanner, q: Array, motion: MissionMotion | Reason | None
     ) -> "Iterator[OtherJoints]":
         """Yield candidates (ways to move) with other spins than given joint positions.
 
@@ -338,21 +328,25 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
             The target and the planner of the problem.
         q : (4,) array
             Joint positions at the target, rad and m.
-        motion : MissionMotion
-            The motion of the problem with these joint positions, which has passed the check.
+        motion : MissionMotion, Reason or None
+            The motion of the problem with these joint positions, which has passed the check. There
+            are no candidates without a motion.
 
         Yields
         ------
         OtherJoints
             At most three candidates.
         """
+        is_fastest_wanted = planner.spin_free and planner.motion.duration is None
+        if not is_fastest_wanted or not isinstance(motion, MissionMotion):
+            return
         # Durations of the phases that end at q, of which the first one counts.
         durations = (
             item.duration for item in motion.phases if np.array_equal(item.phase.points[-1], q)
         )
         configurations, bounds = planner.spin_alternatives(q)
         spins = configurations[bounds < next(durations, 0.0) * (1 - GAP), 2]
-        if planner.motion.duration is None and spins.size:
+        if spins.size:
             # Without both ends of the interval, at which the lower bound leaves little to gain.
             for spin in np.linspace(spins.min(), spins.max(), 5)[1:-1]:
                 yield from cls._feasible_candidate(
