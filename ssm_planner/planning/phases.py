@@ -592,7 +592,7 @@ class _PhaseBuilder:
         """
         # Joint positions (4,) in place of a path are those at the end: `q`, or positions that only
         # joints 3 and 4 have to move to.
-        path = curve.tip_path()
+        path: JointPath | Array = curve.tip_path()
         if not isinstance(path, JointPath):
             if np.abs(path - self.q).max() < ROUNDING_TOLERANCE:
                 return self._rest_phase(curve.motion)
@@ -823,7 +823,7 @@ def _inverse_solutions(
         return solutions
     assert isinstance(target, Task)
     task = complete_task(problem, mechanism, target, defaults)
-    return _cached_inverse_task(mechanism, *map(tuple, (task, limits, reference)))
+    return _cached_inverse_task(mechanism, tuple(task), tuple(limits), tuple(reference))
 
 
 @lru_cache(maxsize=256)
