@@ -177,8 +177,8 @@ class _Search:
             Value of `Work.spent` at which the search ends.
         """
         problem, best = self.best_problem, self.best
-        # If a limit forbids a point with all joint positions at the start, the search begins with the
-        # first ones, because other joint positions at a target may avoid the limit.
+        # If a limit forbids a point with all joint positions at the start, the search begins with
+        # the first ones, because other joint positions at a target may avoid the limit.
         phases = feasible_phases(problem)[0]
         phases = phases or build_phases(problem, start_configurations(problem)[0])
         name, number = problem.motion[target[0]].name, count(1)
