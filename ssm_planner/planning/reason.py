@@ -46,6 +46,11 @@ class Reason:
         """Name of the limit's joint. None if the limit concerns the tool or the whole motion."""
         return None if self.limit is None else self.limit.joint
 
+    @property
+    def excess(self) -> float:
+        """Amount by which the required value differs from the available one. 0 without values."""
+        return abs((self.required or 0.0) - (self.available or 0.0))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the object that `plan --json` prints under the key `reason`."""
         return {
@@ -105,7 +110,7 @@ def short_duration_reason(name: str, requested: float, needed: float) -> Reason:
     name : str
         Name of the motion.
     requested, needed : float
-        Requested duration and shortest duration, s.
+        Requested duration, and duration of the fastest motion that the planner found, s.
 
     Returns
     -------
@@ -113,7 +118,7 @@ def short_duration_reason(name: str, requested: float, needed: float) -> Reason:
         A reason whose limit is the requested duration.
     """
     text = (
-        f"{name} takes at least {needed:.6g} s within the limits, "
+        f"the fastest motion found for {name} takes {needed:.6g} s, "
         f"but the requested duration is {requested:.6g} s"
     )
     return Reason(Duration(requested, name), name, needed, requested, text)

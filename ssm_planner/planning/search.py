@@ -54,7 +54,7 @@ def find_fastest(
     -------
     result : R or Reason
         The fastest motion. Without one, the first reason that names a limit, or else the first
-        reason.
+        reason. Of several reasons that name this limit, the one that exceeds it least.
     evaluations : list of Evaluation
         All candidates with their bounds, estimates and results, in the order of suggestion.
     """
@@ -90,4 +90,7 @@ def find_fastest(
     reasons = [evaluation.failed for evaluation in evaluations if evaluation.failed is not None]
     reasons.append(Reason(message="no motion is short enough"))
     # max returns the first of equal values: the first reason with a limit, if there is one.
-    return solution or max(reasons, key=lambda reason: reason.limit is not None), evaluations
+    first = max(reasons, key=lambda reason: reason.limit is not None)
+    # Several candidates can exceed the same limit. The one that exceeds it least is the answer.
+    same_limit = [reason for reason in reasons if reason.limit == first.limit]
+    return solution or min(same_limit, key=lambda reason: reason.excess), evaluations

@@ -15,12 +15,19 @@ import numpy as np
 
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.candidates import listed
-from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
+from ssm_planner.planning.candidates.candidate import (
+    Candidate,
+    Evaluation,
+    PhaseCandidate,
+    PhaseEvaluation,
+)
 from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.planned_phase import PlannedPhase
-from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.search import GAP
+from ssm_planner.planning.reason import Reason, short_duration_reason
+from ssm_planner.planning.search import GAP, find_fastest
+from ssm_planner.planning.work import Work
+from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem
 
@@ -79,3 +86,38 @@ def test_every_plan_lists_its_candidates_and_takes_the_shortest(tilt_insert: Pro
         if others:
             assert max(known) >= (1 - GAP) * taken[0]["duration"]
     assert made.summary()["candidates"][0] == [dict(each) for each in candidates]
+
+
+class Failing(Candidate[list[Reason], PlannedPhase]):
+    """A candidate that fails for a given reason. The planner is the list of all reasons."""
+
+    kind: ClassVar[str] = "failing"
+    bound = 0.0
+
+    def __init__(self, reason: Reason) -> None:
+        self.reason = reason
+
+    @classmethod
+    def suggested(
+        cls, planner: list[Reason], latest: Evaluation[list[Reason], PlannedPhase] | None
+    ) -> Iterator[Failing]:
+        """Yield one candidate for each reason at the beginning."""
+        if latest is None:
+            yield from map(cls, planner)
+
+    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> Reason:
+        """Return the reason."""
+        return self.reason
+
+
+def test_without_a_motion_the_reason_asks_for_the_smallest_change() -> None:
+    """Of several candidates that exceed the same limit, the one that exceeds it least counts."""
+    reasons = [
+        Reason(message="no limit is named"),
+        short_duration_reason("free", 3.0, 6.0),
+        Reason(TipSpeed(1.0), None, 1.1, 1.0, "another limit"),
+        short_duration_reason("free", 3.0, 5.5),
+    ]
+    result, evaluations = find_fastest([Failing], reasons, Work())
+    assert result is reasons[3]
+    assert len(evaluations) == 4
