@@ -25,7 +25,6 @@ from ssm_planner.kinematics import (
 from ssm_planner.planning.phases import (
     Phase,
     build_phases,
-    reversal_ranges,
     start_configurations,
     straight_path,
 )
@@ -117,25 +116,9 @@ class _PhaseSamples:
         return _PhaseSamples(self.phase, s, self.phase.path.sample(s).q)
 
 
-def _largest_excess(limit: Limit, values: Array) -> tuple[int, float]:
-    """Find the sample that exceeds a limit most, or that is nearest to it if all samples keep it.
-
-    Parameters
-    ----------
-    limit : Limit
-        The limit with a lower and an upper bound.
-    values : (n,) array
-        Values of the limited quantity at the samples, in SI units.
-
-    Returns
-    -------
-    index : int
-        Index of the sample.
-    value : float
-        Value at this sample.
-    """
-    k = int(np.argmax(np.maximum(limit.low - values, values - limit.high)))
-    return k, float(values[k])
+def _worst_index(limit: Limit, values: Array) -> int:
+    """Return the index of the value (n,) that exceeds a limit most, or that is nearest to it."""
+    return int(np.argmax(np.maximum(limit.low - values, values - limit.high)))
 
 
 def _check_samples(
@@ -160,8 +143,8 @@ def _check_samples(
     tolerance : float
         Excess that is allowed, in SI units.
     """
-    k, worst = _largest_excess(limit, values)
-    return check_limit(limit, worst, places.location(k), template, tolerance)
+    k = _worst_index(limit, values)
+    return check_limit(limit, float(values[k]), places.location(k), template, tolerance)
 
 
 def feasible_phases(
@@ -322,8 +305,9 @@ def _check_tilt_extremes(phase: Phase) -> Iterator[Reason | None]:
         # Tilt depends on joint 2 alone, so the other joints may have any position.
         joints = np.tile(start, (len(extremes), 1))
         joints[:, 1] = extremes
-        if len(extremes):
-            tilt = _largest_excess(limit, task_from_joints(mechanism, joints)[:, 1])[1]
+        tilts = task_from_joints(mechanism, joints)[:, 1]
+        if len(tilts):
+            tilt = float(tilts[_worst_index(limit, tilts)])
             yield check_limit(limit, tilt, location, template, EQUALITY_TOLERANCE)
 
 
@@ -634,10 +618,9 @@ def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     Yields
     ------
     Reason or None
-        One result for each joint and end at which the joint needs more room than its range has.
+        One result for each end, joint and range. None if the range suffices.
     """
     problem = phase.problem
-    ranges = reversal_ranges(phase, phase.points)
     ends = (
         (phase.qd_start, 0, "cannot stop before"),
         (-phase.qd_end, -1, "would have to start from"),
@@ -646,23 +629,20 @@ def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
         turning_q = phase.points[side].copy()
         # Position at which the joint stops, or from which it starts: q ± q̇²/(2 q̈_max).
         turning_q[i] += qd[i] * abs(qd[i]) / (2 * joint.acceleration)
-        if ranges[0, i] - EQUALITY_TOLERANCE <= turning_q[i] <= ranges[1, i] + EQUALITY_TOLERANCE:
-            continue
-        limit: Limit = joint.limit(JointPosition)
-        value, name = float(turning_q[i]), f"joint {joint.name}"
+        position: Limit = joint.limit(JointPosition)
+        limits = [(position, f"joint {joint.name}", float(turning_q[i]))]
+        # The task coordinate that depends on this joint alone.
         coordinate = {1: "tilt", 3: "depth"}.get(i, "")
         task_range = problem.limit(TaskRange.name_of(coordinate), None)
-        if limit.contains(value) and task_range is not None:
-            # The task coordinate that follows this joint alone leaves its range.
-            limit, name = task_range, coordinate
-            value = float(
-                task_from_joints(phase.mechanism, turning_q[None])[0, TASK_COORDINATES.index(name)]
-            )
+        if task_range is not None:
+            task = task_from_joints(phase.mechanism, turning_q[None])[0]
+            value = float(task[TASK_COORDINATES.index(coordinate)])
+            limits.append((task_range, coordinate, value))
         speed = format_quantity(abs(float(qd[i])), joint.limit(JointVelocity).unit)
         acceleration = format_quantity(joint.acceleration, joint.limit(JointAcceleration).unit)
-        template = (
-            f"{name} {phrase} {{value}}, because joint {joint.name} moves at {speed} and "
-            f"accelerates by at most {acceleration}, but its range ends at {{bound}}"
-        )
-        # The tolerance −∞ always gives a reason. The test above has its own tolerance.
-        yield check_limit(limit, value, phase.motion.name, template, -np.inf)
+        for limit, name, value in limits:
+            template = (
+                f"{name} {phrase} {{value}}, because joint {joint.name} moves at {speed} and "
+                f"accelerates by at most {acceleration}, but its range ends at {{bound}}"
+            )
+            yield check_limit(limit, value, phase.motion.name, template, EQUALITY_TOLERANCE)

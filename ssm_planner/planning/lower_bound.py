@@ -50,7 +50,7 @@ def lower_bound(
     float
         Duration, s.
     """
-    velocity, acceleration, jerk = _joint_limits(robot, limits)
+    velocity, acceleration, jerk = kinematic_limits(robot, limits)
     ends = np.zeros((2, 4)) if speeds is None else speeds
     through_all = max(
         _single_joint_time(*joint)
@@ -90,7 +90,7 @@ def slowest_joint_times(
     (...) array
         Times, s.
     """
-    times = rest_to_rest_times(np.abs(displacements), *_joint_limits(robot, limits)).max(axis=-1)
+    times = rest_to_rest_times(np.abs(displacements), *kinematic_limits(robot, limits)).max(axis=-1)
     return np.maximum(times, distances / _tip_speed(limits))
 
 
@@ -99,7 +99,7 @@ def _tip_speed(limits: TaskLimits) -> float:
     return next((limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), math.inf)
 
 
-def _joint_limits(robot: Robot, limits: TaskLimits) -> Array:
+def kinematic_limits(robot: Robot, limits: TaskLimits) -> Array:
     """Return the largest velocity, acceleration and jerk of every joint.
 
     Joint 4 moves the tool along its axis, so the limits of the tip speed and of the rate of depth

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import compress
+from operator import itemgetter
 
 import numpy as np
 
@@ -91,14 +92,14 @@ def _most_overloaded_motor(
     Reason or None
         The limit and the place, with the needed and the available torque.
     """
-    largest_factor, result = 0.0, None
+    overloads: list[tuple[float, Reason]] = []
     for i, needed, location in needs:
         limit = robot.joints[i].limit(kind)
         text = f"the motor of joint {robot.joints[i].name} {template}"
         reason = check_limit(limit, needed, location, text, ROUNDING_TOLERANCE * limit.largest)
-        if reason is not None and needed / limit.largest > largest_factor:
-            largest_factor, result = needed / limit.largest, reason
-    return result
+        if reason is not None:
+            overloads.append((needed / limit.largest, reason))
+    return max(overloads, key=itemgetter(0), default=(0.0, None))[1]
 
 
 def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reason | None:

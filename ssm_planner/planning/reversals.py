@@ -183,9 +183,12 @@ def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
             directions[start:stop, joint] = signs[start, joint]
     # The optimal control problem gives a moving joint a direction in every element. A joint that
     # rested so far takes it from its multipliers, also where their sum is below the threshold.
-    for joint in range(4):
-        if not multipliers.directions[:, joint].any() and directions[:, joint].any():
-            directions[:, joint] = _fill_zeros(signs[:, joint])
+    # Elements without a sign take the sign of the next element that has one, or else the last sign.
+    started = ~multipliers.directions.any(axis=0) & directions.any(axis=0)
+    for joint in np.flatnonzero(started).tolist():
+        signed = np.flatnonzero(signs[:, joint])
+        following = np.searchsorted(signed, np.arange(len(signs))).clip(max=len(signed) - 1)
+        directions[:, joint] = signs[signed[following], joint]
     return directions
 
 
@@ -204,28 +207,6 @@ def _runs_of_equal_sign(signs: Array) -> list[tuple[int, int]]:
     """
     borders = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
     return [(start, end) for start, end in pairwise(borders) if signs[start]]
-
-
-def _fill_zeros(directions: Array) -> Array:
-    """Replace each zero in the directions of a joint by the next nonzero direction.
-
-    Zeros at the end take the last nonzero direction.
-
-    Parameters
-    ----------
-    directions : (n,) array
-        Directions +1, −1 or 0 of the joint in the n elements (time intervals) of a motion.
-
-    Returns
-    -------
-    (n,) array
-        Directions without zeros, unless all of them are 0.
-    """
-    nonzero = np.flatnonzero(directions)
-    if not nonzero.size:
-        return directions
-    following = np.minimum(np.searchsorted(nonzero, np.arange(len(directions))), len(nonzero) - 1)
-    return np.asarray(directions[nonzero[following]])
 
 
 def _reversal_instants(multipliers: DirectionMultipliers, directions: Array) -> Array:

@@ -14,7 +14,7 @@ resting there.
 
 import numpy as np
 
-from ssm_planner.planning.lower_bound import minimum_times
+from ssm_planner.planning.lower_bound import kinematic_limits, minimum_times
 from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
@@ -60,9 +60,7 @@ def suggest_via_velocities(phase: Phase) -> Borders | None:
         reversals between the points save less than the share `MIN_SAVING` of the duration.
     """
     problem = phase.problem
-    velocity, acceleration = problem.robot.velocities, problem.robot.accelerations
-    # The rate of depth is the velocity of joint 4.
-    velocity[3] = min(velocity[3], problem.rates.get("depth", np.inf))
+    velocity, acceleration, _ = kinematic_limits(problem.robot, problem.task_limits)
     displacements = np.diff(phase.points, axis=0)
     joints = _ViaVelocityProblem(
         displacements, (phase.qd_start, phase.qd_end), velocity, acceleration

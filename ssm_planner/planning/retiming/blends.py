@@ -15,7 +15,7 @@ q' = (1 − h) q'_i + h q'_{i+1} with h = 3σ² − 2σ³, where σ grows from 0
 """
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from ssm_planner.planning.retiming.paths import (
     find_sign_change,
 )
 from ssm_planner.planning.tolerances import PATH_SAMPLES, ROUNDING_TOLERANCE
-from ssm_planner.trajectory import quintic_coefficients
+from ssm_planner.trajectory import Trajectory, quintic_coefficients
 from ssm_planner.typing import Array, record
 
 MIN_SLOPE_RATIO = 0.05
@@ -53,8 +53,6 @@ class BlendedPath(JointPath):
     """Geometry of the robot."""
     pieces: tuple[ClosedPath, ...]
     """The pieces. Each begins where the previous one ends."""
-    distances: tuple[float, ...]
-    """For each corner, the distance of the tip from it at both ends of the rounding, m."""
     cuts: Array
     """Parts of the pieces that the roundings replace, (k, 2) for k corners.
 
@@ -118,22 +116,20 @@ class BlendedPath(JointPath):
         return np.stack([samples.q, rate * samples.dq, rate**2 * samples.ddq])
 
     @cached_property
-    def _roundings(self) -> Array:
-        """Coefficients of the polynomials that round the corners of the path.
+    def _roundings(self) -> list[Trajectory]:
+        """Polynomials that round the corners of the path.
 
         A rounding is the part of the path that replaces a corner. On it, each joint position is a
-        quintic polynomial of s − s₀, where s is the path parameter and s₀ its value at the start of
-        the rounding. The shape is (k, 6, 4) for k corners. The second axis contains the
-        coefficients of the powers 0 to 5, and the third axis the joints.
+        quintic polynomial. The path parameter s takes the place of the time.
         """
-        # Piece 0 lies between the breaks 0 and 1, the first rounding between 1 and 2, and so on.
-        starts, ends = self.breaks[1:-1:2], self.breaks[2:-1:2]
-        # The list index [[k]] keeps an array with one value, which `_on_piece` expects.
-        leaving = [self._on_piece(k, starts[[k]]) for k in range(len(starts))]
-        joining = [self._on_piece(k + 1, ends[[k]]) for k in range(len(ends))]
-        return quintic_coefficients(
-            ends - starts, tuple(np.hstack(leaving)), tuple(np.hstack(joining))
-        )
+        roundings = []
+        for k in range(len(self.cuts)):
+            # Piece 0 lies between the breaks 0 and 1, the first rounding between 1 and 2.
+            ends = self.breaks[2 * k + 1 : 2 * k + 3]
+            leaving, joining = self._on_piece(k, ends[:1]), self._on_piece(k + 1, ends[1:])
+            polynomials = quintic_coefficients(np.diff(ends), tuple(leaving), tuple(joining))
+            roundings.append(Trajectory(ends, polynomials, ()))
+        return roundings
 
     def sample(self, s: Array) -> PathSamples:
         """Evaluate the joint positions and their derivatives with respect to the path parameter.
@@ -157,12 +153,9 @@ class BlendedPath(JointPath):
             # Even parts are pieces, odd parts are roundings.
             if k % 2 == 0:
                 values[:, on_part] = self._on_piece(k // 2, s[on_part])
-                continue
-            polynomial = self._roundings[k // 2]
-            for order in range(3):
-                s_in_part = s[on_part] - self.breaks[k]
-                values[order, on_part] = np.polynomial.polynomial.polyval(s_in_part, polynomial).T
-                polynomial = np.polynomial.polynomial.polyder(polynomial)
+            else:
+                samples = self._roundings[k // 2].sample(s[on_part])
+                values[:, on_part] = samples.q, samples.qd, samples.qdd
         return PathSamples(s, *values)
 
     @property
@@ -198,12 +191,15 @@ def blend_pieces(
         If a rounding would take more than half of a piece, or if the path turns back on itself at a
         corner. The `key` of the error is the index of the corner as text.
     """
-    cuts = []
+    cuts, shares = [], np.linspace(0.0, 0.5, PATH_SAMPLES)
     for k, distance in enumerate(distances):
-        before, reach_before = _cut_share(pieces[k], distance, from_end=True)
-        after, reach_after = _cut_share(pieces[k + 1], distance, from_end=False)
-        if not np.isfinite([before, after]).all():
-            limit = min(reach_before, reach_after)
+        # Distances of the tip from the corner on both sides of it, less the required distance.
+        margins = [
+            partial(_distance_from_end, pieces[k], 1.0, distance),
+            partial(_distance_from_end, pieces[k + 1], 0.0, distance),
+        ]
+        limit = distance + min(float(margin(shares).max()) for margin in margins)
+        if limit < distance:
             reason = "the rounding of the corner would take more than half of an adjacent motion"
             # The limit in m becomes mm, rounded down to 0.1 µm so that the printed value works.
             allowed = f"up to {np.floor(1e7 * limit) / 1e4:g} mm here"
@@ -211,8 +207,8 @@ def blend_pieces(
                 reason = "an adjacent motion does not move the tip, so the corner cannot be rounded"
                 allowed = "motions that move the tip, or no blend"
             raise ProblemError(reason, key=str(k), allowed=allowed)
-        cuts.append([before, after])
-    path = BlendedPath(mechanism, tuple(pieces), tuple(distances), np.array(cuts))
+        cuts.append([find_sign_change(margin, 0.0, 0.5) for margin in margins])
+    path = BlendedPath(mechanism, tuple(pieces), np.array(cuts))
     # The joints are divided by their largest |q'|, which makes rad and m comparable. The small
     # summand prevents a division by zero for joints at rest.
     largest_slope = (
@@ -232,42 +228,25 @@ def blend_pieces(
     return path
 
 
-def _cut_share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[float, float]:
-    """Find the share of a piece that the rounding of one of its corners replaces.
+def _distance_from_end(path: ClosedPath, end: float, distance: float, shares: Array) -> Array:
+    """Return by how much the tip is farther from one end of a path than a given distance, m.
 
     Parameters
     ----------
     path : ClosedPath
-        The piece.
+        The path.
+    end : float
+        Path parameter of the end: 0 or 1.
     distance : float
-        Distance of the tip from the corner at the end of the rounding, m.
-    from_end : bool
-        True if the corner is at the end of the piece, False if it is at the start.
+        The given distance, m.
+    shares : (n,) array
+        Parts of the path between this end and the points at which the tip is evaluated.
 
     Returns
     -------
-    share : float
-        Smallest share of the piece, counted from the corner, at which the tip is at this distance
-        from the corner. Infinite if the tip stays nearer to the corner in that half of the piece.
-    reach : float
-        Largest distance of the tip from the corner within that half of the piece, m.
+    (n,) array
+        Differences of the distances, m.
     """
-
-    def distance_from_corner(shares: Array) -> Array:
-        """Return the distances (n,) of the tip from the corner in m.
-
-        `shares` (n,) are the parts of the piece that lie between the corner and the tip.
-        """
-        tips = tip_position(path.mechanism, path.sample(1 - shares if from_end else shares).q)
-        return np.asarray(np.linalg.norm(tips - corner, axis=1))
-
-    corner = tip_position(path.mechanism, path.sample(np.array([1.0 if from_end else 0.0])).q)[0]
-    shares = np.linspace(0.0, 0.5, PATH_SAMPLES)
-    distances = distance_from_corner(shares)
-    reach = float(distances.max())
-    beyond = np.flatnonzero(distances >= distance)
-    if not len(beyond):
-        return np.inf, reach
-    # The distance grows beyond the required one between these two samples.
-    low, high = shares[beyond[0] - 1], shares[beyond[0]]
-    return find_sign_change(lambda s: distance_from_corner(s) - distance, low, high), reach
+    s = np.append(end, np.abs(end - shares))
+    tips = tip_position(path.mechanism, path.sample(s).q)
+    return np.asarray(np.linalg.norm(tips[1:] - tips[0], axis=1) - distance)

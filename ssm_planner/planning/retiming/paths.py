@@ -570,11 +570,6 @@ class SplinePath(JointPath):
         dq[:, at_rest] = ddq[:, at_rest] = 0.0
         return PathSamples(s, q, dq, ddq)
 
-    @property
-    def driven(self) -> tuple[int, ...]:
-        """Indices of the joints with a drive. Only drives have friction."""
-        return (0, 1, 2, 3)
-
     @cached_property
     def directions(self) -> tuple[Array, Array]:
         """Knots of s at which joints reverse, and the directions of the joints between them.

@@ -376,10 +376,7 @@ def _grid(knots: Array, points: int, coarse: Retiming | None) -> Array:
         weighted_times = (1 - UNIFORM_WEIGHT) * coarse.times / coarse.duration
         shares = UNIFORM_WEIGHT * coarse.s + weighted_times
         grid[1:-1] = np.interp(grid, shares, coarse.s)[1:-1]
-    used = [0, points]
-    for knot in knots[1:-1]:
-        index = int(np.clip(np.argmin(np.abs(grid - knot)), 1, points - 1))
-        if index not in used:
-            grid[index] = knot
-            used.append(index)
+    inner_knots = knots[1:-1]
+    nearest = np.rint(np.interp(inner_knots, grid, np.arange(points + 1))).astype(int)
+    grid[nearest.clip(1, points - 1)] = inner_knots
     return grid
