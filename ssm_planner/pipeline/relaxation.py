@@ -101,14 +101,9 @@ class Relaxation:
         value : float
             The bound in SI units, from the method `value`.
 
-        Raises
-        ------
-        ValueError
-            If the limit cannot have this bound.
         """
         relaxed = self.limit.relaxed(value)
-        if relaxed is None:
-            raise ValueError(f"no {self.limit.name} of {value}")
+        assert relaxed is not None  # `relaxation_for` and its callers make sure that it exists.
         return relaxed.on(self.base)
 
     def describe(self, value: float) -> str:

@@ -119,8 +119,6 @@ class Phase:
         It is infinite if the requested duration is shorter than the lower bound.
         """
         duration = self.motion.duration
-        if self.is_at_rest:
-            return duration or 0.0
         if duration is None:
             return self.lower_bound
         return duration if self.lower_bound <= duration * (1 + EQUALITY_TOLERANCE) else np.inf
@@ -137,7 +135,8 @@ class Phase:
         The phase is then a dwell, or a motion from rest whose target is the present position. Such
         a motion takes no time unless a duration is requested.
         """
-        moves = self.path is not None or np.diff(self.points, axis=0).any()
+        steps = np.abs(np.diff(self.points, axis=0))
+        moves = self.path is not None or (steps > ROUNDING_TOLERANCE).any()
         return not moves and self.begins_and_ends_at_rest
 
     @property
@@ -248,13 +247,13 @@ def start_configurations(problem: Problem) -> list[Array]:
         solutions = _inverse_solutions(problem, mechanism, target, np.zeros(4), np.zeros(4))
     # Almost a whole turn, so that no joint at 0 has equivalent angles.
     turn = np.full(3, 2 * np.pi - EQUALITY_TOLERANCE)
-    reaching = np.flatnonzero(solutions.reaches[0])
-    order = sorted(reaching, key=lambda k: bool(solutions.branch[0, k] != mechanism.home_branch))
-    result: list[Array] = []
-    for k in order:
-        equivalent = _with_whole_turns(solutions.joints[0, k], -turn, turn)
-        result += sorted(equivalent, key=lambda joints: float(np.abs(joints[:3]).sum()))
-    return result
+    result = [
+        q
+        for solution in solutions.joints[0, solutions.reaches[0]]
+        for q in _with_whole_turns(solution, -turn, turn)
+    ]
+    result.sort(key=lambda q: float(np.abs(q[:3]).sum()))
+    return sorted(result, key=lambda q: bool(mechanism.branch_of(q) != mechanism.home_branch))
 
 
 def _with_whole_turns(q: Array, low: Array, high: Array) -> list[Array]:

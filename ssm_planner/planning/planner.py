@@ -166,9 +166,9 @@ def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[Phase
         return planned_rest(phase), []
     # This test is only made for free motions.
     reason = check_braking_torque(phase) if phase.path is None else None
-    return (
-        (reason, []) if reason is not None else find_fastest(CANDIDATE_KINDS, planner, planner.work)
-    )
+    if reason is not None:
+        return reason, []
+    return find_fastest(CANDIDATE_KINDS, planner, planner.work)
 
 
 def join_phases(phases: Sequence[PlannedPhase]) -> Trajectory:
@@ -254,12 +254,13 @@ def _with_durations(
     fastest = []
     for phase in phases:
         progress(Step(f"{phase.motion.name}, fastest"))
-        result: PlannedPhase | Reason | None = None
-        if phase.motion.duration is None:
-            result, _ = plan_phase(planner(phase).without_duration)
+        if phase.motion.duration is not None:
+            fastest.append(0.0)
+            continue
+        result, _ = plan_phase(planner(phase).without_duration)
         if isinstance(result, Reason):
             return phases, result
-        fastest.append(0.0 if result is None else result.duration)
+        fastest.append(result.duration)
     free, needed = duration - given, sum(fastest)
     # No phase can take more time, because each has a duration of its own or does not move.
     if needed == 0.0:

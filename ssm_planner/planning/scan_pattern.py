@@ -98,12 +98,10 @@ def spots_in_plane(scan: Scan) -> list[Array]:
         return [_ring_spots(diameter, scan.spacing) for diameter in scan.diameters]
     x = (np.arange(scan.columns) - (scan.columns - 1) / 2) * scan.spacing
     y = (np.arange(scan.rows) - (scan.rows - 1) / 2) * scan.spacing
+    spots = np.stack(np.meshgrid(x, y), axis=-1)
     # Every other row runs backwards, so that no motion crosses the whole pattern.
-    lines = [
-        np.stack([x if k % 2 == 0 else x[::-1], np.full_like(x, height)], axis=1)
-        for k, height in enumerate(y)
-    ]
-    return [np.concatenate(lines)]
+    spots[1::2] = spots[1::2, ::-1]
+    return [spots.reshape(-1, 2)]
 
 
 def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
@@ -393,6 +391,11 @@ def search_short_tour(times: Array) -> Indices:
     Source: D. S. Johnson, L. A. McGeoch, The Traveling Salesman Problem: A Case Study in Local
     Optimization, 1997.
     """
+
+    def duration(order: Indices) -> float:
+        """Return the time of a tour (n,), s."""
+        return float(times[order[:-1], order[1:]].sum())
+
     random = np.random.default_rng(0)
     place_count = len(times)
     tour = _improve_tour(np.arange(place_count), times)
@@ -403,14 +406,9 @@ def search_short_tour(times: Array) -> Indices:
         start, middle, end = np.cumsum(part)
         exchanged = [tour[:start], tour[middle:end], tour[start:middle], tour[end:]]
         trial = _improve_tour(np.concatenate(exchanged), times)
-        if _tour_time(trial, times) < _tour_time(tour, times):
-            tour = trial
+        # min keeps the present tour if the trial takes the same time.
+        tour = min(tour, trial, key=duration)
     return np.asarray(tour[1:] - 1)
-
-
-def _tour_time(tour: Indices, times: Array) -> float:
-    """Return the time of a tour (n,) with the times (n, n) between its places, s."""
-    return float(times[tour[:-1], tour[1:]].sum())
 
 
 def _improve_tour(tour: Indices, times: Array) -> Indices:

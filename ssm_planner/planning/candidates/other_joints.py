@@ -155,7 +155,7 @@ class JointsPlanner:
         stop = start + speed * abs(speed) / (2 * problem.robot.joints[2].acceleration)
         # Each entry is an angle of joint 3, rad.
         turn = start + np.radians(np.arange(-180, 181, 2))
-        values = np.clip([q[2], start, stop, *turn], low, high)
+        values = np.clip([q[2], stop, *turn], low, high)
         configurations = np.tile(q, (len(values), 1))
         configurations[:, 2] = values
         tasks = task_from_joints(phase.mechanism, configurations, near=phase.start)

@@ -93,24 +93,12 @@ class StopFirst(InParts):
             The phase (entry of the motion list) with its motion, or the reason why the stop or
             the motion after it failed.
         """
-        stop = self._stop()
-        if stop is None:
-            return Reason(message="no stop within the limits")
-        return self._append_part(stop, _remaining_phase(self.planner.phase, stop), TaskLine, InTurn)
-
-    def _stop(self) -> PhaseSolution | None:
-        """Return the quickest stop that keeps all limits.
-
-        The stops with the accelerations of `ACCELERATION_SHARES` are tried in turn.
-
-        Returns
-        -------
-        PhaseSolution or None
-            Motion to rest. None if no stop satisfies the limits.
-        """
-        robot, phase = self.planner.strict, self.planner.phase
-        stops = (_stop_in_closed_form(robot, phase, share) for share in ACCELERATION_SHARES)
-        return next((stop for stop in stops if stop is not None), None)
+        phase = self.planner.phase
+        for share in ACCELERATION_SHARES:
+            stop = _stop_in_closed_form(self.planner.strict, phase, share)
+            if stop is not None:
+                return self._append_part(stop, _remaining_phase(phase, stop), TaskLine, InTurn)
+        return Reason(message="no stop within the limits")
 
 
 def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
@@ -130,10 +118,7 @@ def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
         the stop ends at the only remaining point, the robot rests in this phase.
     """
     end = stop.trajectory.positions(stop.breaks[-1:])
-    points = np.vstack([end, phase.points[1:]])
-    if len(points) == 2 and np.abs(np.diff(points, axis=0)).max() <= ROUNDING_TOLERANCE:
-        points[1] = points[0]
-    return phase.from_rest(points)
+    return phase.from_rest(np.vstack([end, phase.points[1:]]))
 
 
 def _stop_in_closed_form(robot: Robot, phase: Phase, share: float) -> PhaseSolution | None:
