@@ -136,14 +136,13 @@ class Reversing(PhaseCandidate):
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return the motion that is best for the objective, with the reversals of the estimate.
 
-        It is solved with twice as many elements (intervals of time) as the estimate. With the
-        planner `fast` and the objective `time`, the estimate is the solution if the finer mesh
-        fails, or gives a motion that is longer than `cutoff`.
+        It is solved with twice as many elements (intervals of time) as the estimate.
 
         Parameters
         ----------
         cutoff : float
-            Duration in s. A motion that takes at least as long is of no use.
+            Duration in s. A motion that takes at least as long is of no use. The method does not
+            use it, because the estimate is shorter.
         estimate : PlannedPhase or None
             The motion that the method `estimate` returned. None for a phase with via points.
 
@@ -155,13 +154,8 @@ class Reversing(PhaseCandidate):
         """
         if estimate is None:
             return self._reverse_beside_points()
-        problem = self.planner.problem
         borders = borders_at_reversals(self.planner.phase, estimate.motion)
-        solution = self.planner.free(borders, count=2 * DEFAULT_ELEMENTS)
-        is_worse = isinstance(solution, Reason) or solution.duration > cutoff
-        # The estimate has the objective "time", and Ipopt has not confirmed it.
-        may_take_estimate = problem.planner == "fast" and problem.objective == "time"
-        return estimate if is_worse and may_take_estimate and self.unreversed else solution
+        return self.planner.free(borders, count=2 * DEFAULT_ELEMENTS)
 
 
 def _applies(planner: PhasePlanner) -> bool:
