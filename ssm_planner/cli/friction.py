@@ -2,6 +2,7 @@
 
 from argparse import Namespace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import ssm_planner as ssm
 from ssm_planner.atomic import output_file
@@ -15,6 +16,9 @@ from ssm_planner.cli.shared import (
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject
+
+if TYPE_CHECKING:
+    from ssm_planner.reporting import Table
 
 
 def run_identify(options: Namespace) -> int:
@@ -49,8 +53,10 @@ def run_identify(options: Namespace) -> int:
         "files": _write_drive_files(identification, options.drive, options.output),
     }
     progress(Step("done"))
-    table = _parameter_lines(result, identification.drive)
-    lines = fill_in_template("identified.txt", result=result, table=table)
+    lines = [
+        _parameter_table(result, identification.drive),
+        *fill_in_template("identified.txt", result=result),
+    ]
     print_result_with_page(options, options.drive.stem, result, lines, result["files"].values())
     return OK
 
@@ -87,8 +93,8 @@ def _run_design(options: Namespace) -> int:
     result: JsonObject = {**session.to_dict(), "files": {"session": session.save(path)}}
     progress(Step("done"))
     minutes = session.durations.sum() / 60
-    lines = _parameter_lines(result, ssm.load_drive(options.drive))
-    lines += [
+    lines = [
+        _parameter_table(result, ssm.load_drive(options.drive)),
         "",
         f"session: {path}",
         f"{count} recordings in {minutes:.1f} min of motion; the table shows what a "
@@ -170,8 +176,8 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
         ) from None
 
 
-def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
-    """Return the table of the parameters and their intervals as lines of text.
+def _parameter_table(result: JsonObject, drive: ssm.Drive) -> "Table":
+    """Build the table of the parameters and their intervals.
 
     Parameters
     ----------
@@ -182,8 +188,8 @@ def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
 
     Returns
     -------
-    list of str
-        Lines of the table. The column of remarks marks parameters that were fixed, that are at a
+    Table
+        One row for each parameter. The column of remarks marks parameters that were fixed, that are at a
         bound, or that the data cannot separate from others.
     """
     from ssm_planner.display import format_number
@@ -207,7 +213,7 @@ def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
             scale = RPM
         values = [format_number(scale * parameter[key], 4) for key in ("value", "low", "high")]
         rows.append([name] + values + [unit, ", ".join(remarks)])
-    return Table("parameter, value, 95 % low, 95 % high, unit, ", rows, (1, 2, 3)).lines()
+    return Table("parameter, value, 95 % low, 95 % high, unit, ", rows, (1, 2, 3))
 
 
 def run_predict(options: Namespace) -> int:

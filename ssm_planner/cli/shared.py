@@ -319,7 +319,7 @@ def fill_in_template(template: str, **values: Any) -> list[str]:
     return render_template(templates, template, **values).splitlines()
 
 
-def print_result(options: Namespace, document: Any, lines: Iterable[str]) -> None:
+def print_result(options: Namespace, document: Any, lines: Iterable[object]) -> None:
     """Print a result on stdout: as JSON with the option --json, otherwise as lines of text.
 
     Parameters
@@ -328,8 +328,8 @@ def print_result(options: Namespace, document: Any, lines: Iterable[str]) -> Non
         Options of the command, of which this function reads `json`.
     document : object
         Result for --json. It consists of JSON types and paths.
-    lines : iterable of str
-        The same result as text for the terminal.
+    lines : iterable of str and Table
+        The same result as text and tables for the terminal.
     """
     if options.json:
         print(_to_json(document))
@@ -341,7 +341,7 @@ def print_result_with_page(
     options: Namespace,
     name: str,
     document: Any,
-    lines: Sequence[str],
+    lines: Sequence[Any],
     files: Iterable[Path] = (),
 ) -> None:
     """Print a result, and write it as an HTML page if the option --output is set.
@@ -354,10 +354,11 @@ def print_result_with_page(
         Title of the page, and name of its file without suffix.
     document : object
         Result as JSON types and paths.
-    lines : sequence of str
-        Result as text. The last line is the verdict.
+    lines : sequence of str and Table
+        Result as text and tables. The last line is the verdict.
     files : iterable of Path
-        Paths of written files. The page shows the PNG files among them.
+        Paths of written files. The page shows the PNG files among them, and it leaves out the lines
+        that end with one of these paths.
 
     Raises
     ------
@@ -369,9 +370,11 @@ def print_result_with_page(
         from ssm_planner.reporting import write_outcome
 
         page = output_file(options.output, ".yaml", Path(f"{name}.yaml")).with_suffix(".html")
-        write_outcome(page, name, lines[-1], lines, figures=files)
-        lines = list(lines)
-        lines.insert(-1, f"file: {page}")
+        *others, verdict = lines
+        paths = tuple(map(str, files))
+        parts = [line for line in others if not str(line).endswith(paths)]
+        write_outcome(page, name, verdict, parts, files)
+        lines = [*others, f"file: {page}", verdict]
     print_result(options, document, lines)
 
 

@@ -50,7 +50,7 @@ def run_size(options: Namespace) -> int:
     progress(Step("judging motors"))
     sizing = size(duty, candidates, conditions, options.payload)
     document: JsonObject = {"motion": duty.name, **sizing.to_dict(), "notes": list(duty.notes)}
-    lines = [duty.name] + list(duty.notes) + [""] + sizing_lines(sizing)
+    lines: list[object] = [duty.name, *duty.notes, "", *sizing_lines(sizing)]
     if options.what_if:
         from ssm_planner.sizing import largest_payload, shortest_duration
 
@@ -149,10 +149,10 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
         "notes": notes,
     }
     document["files"] = write_results(options.output, "selection", document, lambda folder: {})
-    lines = [duty.name, *document["notes"], *selection_lines(document["selection"])]
+    lines: list[object] = [duty.name, *document["notes"], *selection_lines(document["selection"])]
     lines += [f"file: {path}" for path in document["files"].values()]
     lines.append(f"every joint has a suitable motor: {VERDICT_LABELS[adequate]}")
-    print_result_with_page(options, "selection", document, lines)
+    print_result_with_page(options, "selection", document, lines, document["files"].values())
     return FAILED if adequate is False else OK
 
 

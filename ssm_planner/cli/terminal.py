@@ -112,20 +112,20 @@ def shorten(lines: Iterable[str]) -> list[str]:
     return wrapped[: MAX_LINES - LAST_LINES - 1] + ["… (-v prints all)"] + wrapped[-LAST_LINES:]
 
 
-def print_lines(lines: Iterable[str]) -> None:
+def print_lines(lines: Iterable[object]) -> None:
     """Print lines, wrapped to the width of the terminal and with coloured verdicts.
 
     Colours are omitted if stdout is not a terminal, or if the variable NO_COLOR is set.
 
     Parameters
     ----------
-    lines : iterable of str
-        Texts to print, each of one or more lines.
+    lines : iterable of str and Table
+        Texts of one or more lines, and tables.
     """
     has_colours = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
     has_colours = has_colours and not os.environ.get("NO_COLOR")
     for block in lines:
-        for line in block.splitlines() or [""]:
+        for line in str(block).splitlines() or [""]:
             for text in wrap_line(line, terminal_width()):
                 print(VERDICT_PATTERN.sub(_colour_match, text) if has_colours else text)
 

@@ -103,6 +103,10 @@ class Table:
         if isinstance(self.header, str):
             object.__setattr__(self, "header", tuple(self.header.split(", ")))
 
+    def __str__(self) -> str:
+        """Return the caption and the table as text for the terminal."""
+        return "\n".join([self.caption] * bool(self.caption) + self.lines())
+
     def lines(self, width: int | None = None) -> list[str]:
         """Return the table as lines of text, with a rule below the header.
 
@@ -270,7 +274,7 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
     for limit in sorted(limits, key=lambda limit: limit.margin):
         if limit.name not in JUMP_NAMES or not limit.passed:
             verdict = "" if limit.passed else "EXCEEDED"
-            rows.append(limit_cells(limit) + (format_fixed(limit.time, 4), verdict))
+            rows.append((*limit_cells(limit), format_fixed(limit.time, 4), verdict))
     return Table("limit, joint, worst, limit, unit, margin, at s, ", rows, (2, 3, 5, 6))
 
 
@@ -315,9 +319,8 @@ def sensitivities_table(plan: "Plan") -> Table:
     rows = []
     for item in plan.sensitivities or ():
         saved = -item.seconds_per_percent
-        saved_text = format_fixed(1e3 * saved, 2)
-        percentage = format_fixed(100 * saved / plan.motion.duration, 3)
-        rows.append((item.limit, item.joint or MISSING_VALUE, saved_text, percentage))
+        shares = format_fixed(1e3 * saved, 2), format_fixed(100 * saved / plan.motion.duration, 3)
+        rows.append((item.limit, item.joint or MISSING_VALUE, *shares))
     return Table("limit, joint, saved ms for +1 %, share %", rows, (2, 3))
 
 
@@ -443,8 +446,7 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     for requirement in requirements:
         motor = requirement.motor
         name = "no motor given"
-        placeholders = MISSING_VALUE
-        peak = rms = speed = MISSING_VALUE
+        placeholders = peak = rms = speed = MISSING_VALUE
         if motor is not None:
             name = motor.name
             placeholders = str(len(motor.placeholders) or "none")
@@ -556,13 +558,9 @@ def answer_lines(plan: "Plan") -> Iterator[str]:
         if violations:
             verdict = f"FAILED: {len(violations)} of {len(limits)} limits exceeded"
         yield f"check    {verdict}"
-        limit = closest_inactive_limit(limits)
-        if limit is not None:
-            name, joint, worst_text, allowed, unit, _ = limit_cells(limit, digits=4)
-            owner = f" of {joint}" if joint else ""
-            margin = format_percent(limit.margin)
-            value = f"{worst_text} {unit}".rstrip()
-            yield f"closest  {name}{owner}: {value} ({allowed}), margin {margin}"
+        closest = closest_limit_text(limits)
+        if closest:
+            yield f"closest  {closest}"
     if plan.sizing is not None:
         outcome = summarise_sizing(plan.sizing.to_dict())[1]
         yield f"motors   {outcome.removeprefix('Motors ')}"
@@ -588,6 +586,33 @@ def closest_inactive_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
         limit for limit in limits if limit.margin > ACTIVE_MARGIN and limit.name not in JUMP_NAMES
     )
     return min(slack, key=lambda limit: limit.margin, default=None)
+
+
+def closest_limit_text(limits: Iterable[LimitCheck], degree: str = "deg") -> str:
+    """Describe the limit that `closest_inactive_limit` returns.
+
+    Parameters
+    ----------
+    limits : iterable of LimitCheck
+        Results of all limits in a certificate.
+    degree : str
+        Symbol of degrees, "deg" for the terminal and "°" for pages.
+
+    Returns
+    -------
+    str
+        Text such as "retina clearance: 1.645 mm (≥ 1), 0.645 mm to spare". It is "" if all limits
+        are active.
+    """
+    limit = closest_inactive_limit(limits)
+    if limit is None:
+        return ""
+    name, joint, worst_text, allowed, unit, _ = limit_cells(limit, degree, 4)
+    owner = f" of {joint}" if joint else ""
+    distance = abs(limit.worst - limit.limit) * unit_of_limit(limit)[1]
+    value = f"{worst_text} {unit}".rstrip()
+    spare = f"{format_number(distance)} {unit}".rstrip()
+    return f"{name}{owner}: {value} ({allowed}), {spare} to spare"
 
 
 def rates_text(rates: Mapping[str, float]) -> str:
@@ -924,13 +949,12 @@ def summarise_sizing(sizing: SizingObject) -> tuple[str, str, str]:
     if missing_motors:
         return "open", "Motors open", f"no motor given for {missing_motors}"
     undecided = _open_checks(sizing)
-    margins = []
-    for motor in motors:
-        for name, margin in motor["margins"].items():
-            if margin is not None:
-                text = f"{plain_words(name)} of {motor['joint']} is the tightest check"
-                margins.append((margin, text))
-    margin, tightest = min(margins)
+    margin, tightest = min(
+        (margin, f"{plain_words(name)} of {motor['joint']} is the tightest check")
+        for motor in motors
+        for name, margin in motor["margins"].items()
+        if margin is not None
+    )
     lacking = f"Not checked or undecided: {', '.join(undecided)}"
     if margin < 0:
         return "open", "Motors suffice: not known", lacking
@@ -1066,12 +1090,12 @@ def _gear_checks(sizing: SizingObject) -> set[str]:
     return {name for gear in sizing["gears"] for name in gear["margins"]}
 
 
-def sizing_lines(sizing: Sizing) -> list[str]:
-    """Return lines of text that report a sizing without its verdict.
+def sizing_lines(sizing: Sizing) -> list[str | Table]:
+    """Return lines of text and tables that report a sizing without its verdict.
 
-    The lines list checks that lack data, the torques and speeds that the motion requires, the parts
-    of the peak torque, the margins of all motors and those of all gears. `sizing_verdict_lines`
-    states the verdict.
+    The lines list the torques and speeds that the motion requires, the parts of the peak torque,
+    the margins of all motors and those of all gears, and the checks that lack data.
+    `sizing_verdict_lines` states the verdict.
 
     Parameters
     ----------
@@ -1080,8 +1104,8 @@ def sizing_lines(sizing: Sizing) -> list[str]:
 
     Returns
     -------
-    list of str
-        Lines of text.
+    list of str and Table
+        Lines of text, and tables with captions.
     """
     confidence = "at the stated friction"
     if all(joint.band.known for joint in sizing.joints):
@@ -1091,14 +1115,17 @@ def sizing_lines(sizing: Sizing) -> list[str]:
         for joint, component, checks, data in skipped_checks(sizing.to_dict())
     ]
     unknowns += _motor_notes(sizing)
-    lines = []
+    lines: list[str | Table] = []
+    for table in (
+        _requirements_table(sizing),
+        _torque_parts_table(sizing),
+        _candidates_table(sizing, f"Margins {confidence} (* with placeholder figures)"),
+    ):
+        lines += [table, ""]
+    lines.append(_gears_table(sizing))
     if unknowns:
-        lines += ["Not known"] + [f"  {line}" for line in unknowns] + [""]
-    lines += ["Required of the motors"] + _requirements_table(sizing).lines() + [""]
-    lines += ["Parts of the peak torque, mN·m (+ increases it, − reduces it)"]
-    lines += _torque_parts_table(sizing).lines() + [""]
-    lines += [f"Margins {confidence}"] + _candidate_lines(sizing) + [""]
-    return lines + ["Gears"] + _gears_table(sizing).lines()
+        lines += ["", "Not known"] + [f"  {line}" for line in unknowns]
+    return lines
 
 
 def what_if_lines(payload: WhatIf, duration: WhatIf) -> Iterator[str]:
@@ -1120,16 +1147,17 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> Iterator[str]:
         ("largest payload", payload, "{:.4g} kg"),
         ("shortest duration", duration, "{:.4f} times the present one"),
     ):
+        binds = plain_words(answer.binds or "")
         if answer.status == "found":
-            text = f"{form.format(answer.value)} (then joint {answer.joint}: {answer.binds})"
+            text = f"{form.format(answer.value)} (then joint {answer.joint}: {binds})"
         elif answer.status == "never":
-            text = f"none: joint {answer.joint}: {answer.binds} is exceeded for every value"
+            text = f"none: joint {answer.joint}: {binds} is exceeded for every value"
         else:
             text = "the checks found no limit"
         yield f"{question:18} {text}"
 
 
-def selection_lines(selection: Sequence[JsonObject]) -> Iterator[str]:
+def selection_lines(selection: Sequence[JsonObject]) -> Iterator[str | Table]:
     """Yield lines on the best pairs of motor and gear for each joint.
 
     The first line of a joint counts the pairs that suffice, that cannot be judged, and that do not
@@ -1167,7 +1195,7 @@ def selection_lines(selection: Sequence[JsonObject]) -> Iterator[str]:
             rows.append(row)
             for name, needs in pair["not_checked"].items():
                 missing.add(f"{plain_words(name)}: {needs}")
-        yield from Table(head, rows, range(4, 10)).lines() if rows else ["no pair remains"]
+        yield Table(head, rows, range(4, 10)) if rows else "no pair remains"
         reasons = [f"{plain_words(name)} {count}" for name, count in joint["reasons"].items()]
         if reasons:
             yield f"ruled out by: {', '.join(reasons)}"
@@ -1206,7 +1234,7 @@ def _requirements_table(sizing: Sizing) -> Table:
         values = RPM * requirement.peak_speed, requirement.peak_acceleration, *powers
         row += [format_number(value, 4) for value in values]
         rows.append(row + [format_number(requirement.joule_power)])
-    return Table(head, rows, range(1, 9))
+    return Table(head, rows, range(1, 9), "Required of the motors")
 
 
 def _torque_parts_table(sizing: Sizing) -> Table:
@@ -1229,26 +1257,27 @@ def _torque_parts_table(sizing: Sizing) -> Table:
     for joint in sizing.joints:
         torques = joint.requirement.split.at_peak
         sign = math.copysign(1e3, sum(torques.values()))
-        rows.append(
-            [joint.load.joint]
-            + [format_signed(sign * torques[name], 4) for name in TORQUE_COMPONENTS]
-        )
+        parts = (format_signed(sign * torques[name], 4) for name in TORQUE_COMPONENTS)
+        rows.append([joint.load.joint, *parts])
     header = ["joint"] + [plain_words(name) for name in TORQUE_COMPONENTS]
-    return Table(header, rows, range(1, len(header)))
+    caption = "Parts of the peak torque, mN·m (+ increases it, − reduces it)"
+    return Table(header, rows, range(1, len(header)), caption)
 
 
-def _candidate_lines(sizing: Sizing) -> list[str]:
-    """Return the table of all judged motors with the margins of their checks, as lines.
+def _candidates_table(sizing: Sizing, caption: str) -> Table:
+    """Build the table of all judged motors with the margins of their checks.
 
     Parameters
     ----------
     sizing : Sizing
         Checks of the motors.
+    caption : str
+        Title of the table.
 
     Returns
     -------
-    list of str
-        Lines of the table. The column "adequate" states whether the motor suffices, and "binds"
+    Table
+        One row for each motor. The column "adequate" states whether the motor suffices, and "binds"
         names the check that decides. The last columns contain the smallest margin of the gear and
         the largest temperature of the winding. A name that begins with "or" marks an alternative
         that the robot file lists in addition to its motor. A star marks a motor whose file contains
@@ -1268,10 +1297,7 @@ def _candidate_lines(sizing: Sizing) -> list[str]:
         row += [format_percent(by_name[name]) for name in MOTOR_MARGINS]
         row += [format_percent(min(gear_margins, default=None)), _winding_temperature(verdict)]
         rows.append(row)
-    lines = Table(head, rows, range(2, len(head))).lines()
-    if any(verdict.motor.placeholder for verdict in sizing.verdicts):
-        lines.append("* placeholder figures: no verdict on the real motor")
-    return lines
+    return Table(head, rows, range(2, len(head)), caption)
 
 
 def _winding_temperature(verdict: MotorVerdict) -> str:
@@ -1305,7 +1331,7 @@ def _gears_table(sizing: Sizing) -> Table:
         rows.append(
             (joint.load.joint, joint.load.drive.name, ", ".join(margins) or "no check was possible")
         )
-    return Table("joint, drive, margins", rows)
+    return Table("joint, drive, margins", rows, caption="Gears")
 
 
 def _motor_notes(sizing: Sizing) -> Iterator[str]:

@@ -159,10 +159,8 @@ class ViewedProblem:
         original = self.robot_mechanism
         alpha = requested_number(request, "alpha", MIN_ANGLE, MAX_ANGLE)
         beta = requested_number(request, "beta", MIN_ANGLE, MAX_ANGLE)
-        if (
-            abs(alpha - original.alpha) < ANGLE_TOLERANCE
-            and abs(beta - original.beta) < ANGLE_TOLERANCE
-        ):
+        change = max(abs(alpha - original.alpha), abs(beta - original.beta))
+        if change < ANGLE_TOLERANCE:
             return original, True
         # With a roll of 0 at q = 0, the tilt φ at q = 0 satisfies cos φ = cos β / cos α.
         cosine = math.cos(beta) / math.cos(alpha)
@@ -244,9 +242,8 @@ class ViewedProblem:
                 with suppress(ValueError):
                     number = float(text)
                     path = f"joints.{name}.drive.{group}.{key}"
-                    low = number / MAX_ADJUSTMENT_FACTOR
-                    high = number * MAX_ADJUSTMENT_FACTOR
-                    variables.append(Varied(path, low, high, unit))
+                    ends = number / MAX_ADJUSTMENT_FACTOR, number * MAX_ADJUSTMENT_FACTOR
+                    variables.append(Varied(path, *ends, unit))
         return tuple(variables)
 
     @cached_property

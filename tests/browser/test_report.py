@@ -306,6 +306,8 @@ def test_a_comparison_draws_every_eye_once(visit: Open, in_eye: Path, tmp_path: 
         assert [pytest.approx(item) for item in radii] == drawn
         labels = opened.page.locator("#scene .labels span").all_inner_texts()
         assert labels.count("retina") == sum(map(len, radii))
+        cameras = opened.page.locator("#scene .views button").all_inner_texts()
+        assert cameras[5:] == (["eye", "eye B"] if second is other else ["eye"])
         assert opened.said == []
 
 
@@ -336,7 +338,8 @@ def test_whether_the_motors_suffice_is_said_above_and_shown_below(
     assert sentence in card
     assert condition in card
     page.click("header .unknowns summary")
-    assert f"{verdict} {reason}" in page.inner_text("header .verdict")
+    said = page.inner_text("header .verdict")
+    assert f"{verdict}. {reason[0].upper()}{reason[1:]}." in said
     tables = page.locator("#sizing table")
     rows = [
         tables.nth(0).locator("tr").nth(i).inner_text().split("\t")
@@ -500,6 +503,9 @@ def test_without_javascript_the_mechanism_is_shown(browser: Any, in_eye_report: 
     assert svg.is_visible()
     assert svg.locator("circle").count() == 3, "the eye"
     assert f"{plan.duration:.2f} s" in svg.text_content()
+    assert not page.locator(".stage").is_visible(), "nothing is empty"
+    assert not page.locator("#now").is_visible(), "nothing is empty"
+    assert page.locator(".use").is_visible()
     page.close()
 
 
@@ -659,6 +665,9 @@ def test_print_shows_the_mechanism_and_full_width_plots(visit: Open, report: Pat
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     page.wait_for_timeout(200)
     assert page.locator("#scene .paper").is_visible()
+    assert not page.locator("#scene .inset").is_visible()
+    bar = "getComputedStyle(document.querySelector('.use .meter span')).printColorAdjust"
+    assert page.evaluate(bar) == "exact", "bars are printed"
     assert not page.locator("#player").is_visible()
     assert page.evaluate(
         "[...document.querySelectorAll('#plots figure')].every((each) => each.querySelector('canvas'))"

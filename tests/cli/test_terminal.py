@@ -24,7 +24,7 @@ from ssm_planner.atomic import output_file
 from ssm_planner.cli import COMMANDS, _build_parser, _protect_negative_value, main
 from ssm_planner.cli.shared import progress_reporter
 from ssm_planner.cli.terminal import print_lines, shorten, wrap_line
-from ssm_planner.display import terminal_width
+from ssm_planner.display import format_number, terminal_width
 from ssm_planner.plans import load_plan
 from ssm_planner.progress import Step
 from ssm_planner.reporting.text import (
@@ -33,6 +33,7 @@ from ssm_planner.reporting.text import (
     answer_lines,
     closest_inactive_limit,
     summary_lines,
+    unit_of_limit,
 )
 from ssm_planner.studies.run import StudyResult
 from ssm_planner.studies.store import Candidate
@@ -176,6 +177,9 @@ def test_a_plan_ends_with_its_answers_on_one_screen(
     closest = closest_inactive_limit(plan.certificate.limits)
     assert closest is not None
     assert f"closest  {closest.name}" in short[-3]
+    unit, scale = unit_of_limit(closest)
+    spare = format_number(scale * abs(closest.worst - closest.limit))
+    assert short[-3].endswith(f", {spare} {unit} to spare")
     beyond = [item for item in plan.certificate.limits if item.margin < closest.margin]
     assert all(item.margin <= ACTIVE_MARGIN for item in beyond)
     everything = summary_lines(plan, verbose=True)

@@ -8,9 +8,9 @@ const element = (name, attributes = {}, ...children) => {
   for (const [key, value] of Object.entries(attributes)) {
     if (key.startsWith("on")) node.addEventListener(key.slice(2), value);
     else if (value === true) node.setAttribute(key, "");
-    else if (value !== false && value !== null && value !== undefined) node.setAttribute(key, value);
+    else if (value !== false && value != null) node.setAttribute(key, value);
   }
-  node.append(...children.filter((child) => child !== null && child !== undefined));
+  node.append(...children.filter((child) => child != null));
   return node;
 };
 
@@ -45,10 +45,7 @@ SSM.data = () => JSON.parse(byId("data").textContent);
 // Decode base64 text that contains little-endian doubles, the byte order of all machines that run browsers.
 SSM.decodeDoubles = (text) => {
   if (Uint8Array.fromBase64) return new Float64Array(Uint8Array.fromBase64(text).buffer);
-  const characters = atob(text);
-  const bytes = new Uint8Array(characters.length);
-  for (let i = 0; i < bytes.length; i++) bytes[i] = characters.charCodeAt(i);
-  return new Float64Array(bytes.buffer);
+  return new Float64Array(Uint8Array.from(atob(text), (character) => character.charCodeAt(0)).buffer);
 };
 
 // Return an object with all channels (sampled quantities). A channel is decoded at its first use.

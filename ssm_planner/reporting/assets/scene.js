@@ -69,7 +69,8 @@ SSM.Scene = class {
     this.world.add(robot.base);
     // An eye that both robots have is drawn once.
     robot.eye = JSON.stringify(scene.eye);
-    if (scene.eye && !this.robots.some(({ eye }) => eye === robot.eye)) {
+    const isNewEye = scene.eye && !this.robots.some(({ eye }) => eye === robot.eye);
+    if (isNewEye) {
       const { group, places, edges } = SSM.eyeModel(scene.eye, ghost && colours[1]);
       robot.put("eye", robot.base, group);
       if (edges.length) robot.parts.clearance = edges;
@@ -92,12 +93,13 @@ SSM.Scene = class {
       this.texts.push({ ...text, node, size: [node.offsetWidth, node.offsetHeight] });
     }
     this.#updateLegend();
-    if (scene.eye && !this.views.eye) {
+    const view = this.views.eye && ghost ? "eye B" : "eye";
+    if (isNewEye && !this.views[view]) {
       const [x, y, z] = scene.eye.centre;
-      this.views.eye = [[x - 0.012, y - 0.06, z + 0.018], [x, y, z + 0.002]];
-      this.container.querySelector(".views").append(this.#viewButton("eye"));
-      this.first = "eye";
-      this.look("eye");
+      this.views[view] = [[x - 0.012, y - 0.06, z + 0.018], [x, y, z + 0.002]];
+      this.container.querySelector(".views").append(this.#viewButton(view));
+      this.first ??= view;
+      this.look(this.first);
     }
   }
 
@@ -179,7 +181,7 @@ SSM.Scene = class {
     this.renderer.render(this.world, this.camera);
     this.#placeLabels();
     const { offsetLeft, offsetTop, offsetWidth, offsetHeight } = this.inset;
-    if (!offsetWidth) return;
+    if (!offsetWidth || SSM.isPrinting) return;
     const box = [offsetLeft, this.size[1] - offsetTop - offsetHeight, offsetWidth, offsetHeight];
     this.overview.aspect = offsetWidth / offsetHeight;
     this.overview.updateProjectionMatrix();

@@ -21,6 +21,8 @@ from ssm_planner.problem import (
 )
 from ssm_planner.reporting.figures.style import (
     COLOURS,
+    DOT_STEP,
+    DOT_STYLE,
     FONT_SIZE,
     LETTER_WIDTH,
     LIMIT_STYLE,
@@ -166,8 +168,9 @@ def motors_figure(
 ) -> "Figure":
     """Draw the motor torque over time and over motor speed for every driven joint.
 
-    Each joint has two plots, which also show the RMS torque and the ratings of the motor. In
-    figures narrower than `MIN_TWO_COLUMN_WIDTH`, the plots form a single column.
+    Each joint has two plots, which also show the RMS torque and the ratings of the motor. The right
+    plot has translucent dots at equal intervals of time, which are darker where the motion stays
+    longer. In figures narrower than `MIN_TWO_COLUMN_WIDTH`, the plots form a single column.
 
     Parameters
     ----------
@@ -188,7 +191,7 @@ def motors_figure(
     is_narrow = width < MIN_TWO_COLUMN_WIDTH
     columns = 1 if is_narrow else 2
     rows = len(requirements) * 2 // columns
-    top_edge, gap = (0.6, 0.75) if width < MIN_FIVE_ENTRY_WIDTH else (0.45, 0.6)
+    top_edge, gap = (0.6, 0.9) if width < MIN_FIVE_ENTRY_WIDTH else (0.55, 0.8)
     # Number of letters in a line of a title. An inch has 72 points, and the labels of the vertical
     # axis take the space of eight letters.
     letters = int(width / columns * 72 / (LETTER_WIDTH * FONT_SIZE)) - 8
@@ -197,7 +200,7 @@ def motors_figure(
         2.3 * rows + 0.2,
         rows=rows,
         columns=columns,
-        edges=(0.8, 0.1, 0.5, top_edge),
+        edges=(0.85, 0.1, 0.5, top_edge),
         gaps=(0.35, 1.0 if is_narrow else gap),
         sharey=False if is_narrow else "row",
     )
@@ -207,7 +210,9 @@ def motors_figure(
         over_time, against_speed = panels.flat[2 * row : 2 * row + 2]
         shade_phases(over_time, trajectory, with_names=row == 0)
         over_time.plot(requirement.t, torque, color=COLOURS[i])
-        against_speed.plot(RPM * requirement.speed, torque, color=COLOURS[i])
+        speed = RPM * requirement.speed
+        against_speed.plot(speed, torque, color=COLOURS[i], linewidth=0.8)
+        against_speed.scatter(speed[::DOT_STEP], torque[::DOT_STEP], **DOT_STYLE, color=COLOURS[i])
         rms = 1e3 * requirement.rms_torque
         for axes in (over_time, against_speed):
             axes.axhline(
@@ -215,7 +220,7 @@ def motors_figure(
             )
         time_label, speed_label = "", ""
         if row == len(requirements) - 1 or is_narrow:
-            time_label, speed_label = "time (s)", "motor speed (rpm)"
+            time_label, speed_label = "time (s)", "motor speed (rpm); darker: longer there"
         finish_axes(over_time, time_label, f"{joint_label(requirement.joint)}\nmotor torque (mN·m)")
         finish_axes(against_speed, speed_label, "motor torque (mN·m)" if is_narrow else "")
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"

@@ -13,6 +13,8 @@ from ssm_planner.display import plain_words
 from ssm_planner.problem import JOINTS
 from ssm_planner.reporting.figures.style import (
     COLOURS,
+    DOT_STEP,
+    DOT_STYLE,
     FONT_SIZE,
     LIMIT_STYLE,
     LINE_DASHES,
@@ -144,8 +146,8 @@ def operating_regions_figure(sizing: "Sizing") -> "Figure":
     """Draw the motion of each joint in the speed–torque plane of each candidate motor.
 
     The continuous region of the motor is shaded, and the short-term region is outlined. A dotted
-    line shows the RMS torque of the motion. The area of a circle is proportional to the time that
-    the motion spends near its centre.
+    line shows the RMS torque of the motion. Translucent dots at equal intervals of time are darker
+    where the motion stays longer.
 
     Parameters
     ----------
@@ -201,35 +203,10 @@ def _draw_operating_region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizin
     speeds = RPM * np.abs(verdict.load.speed())
     for run in _runs_of_direction(verdict.load.direction):
         axes.plot(speeds[run], torque[run], color=COLOURS[i], linewidth=1.0)
-    # Fraction of the duration that each instant represents, without rest.
-    moving_time = verdict.load.weight * (verdict.load.direction != 0)
-
-    def sum_over_cells(weights: Array) -> Array:
-        """Divide the plane into 8 × 8 cells, and sum the weights (n,) of the instants in each."""
-        return np.histogram2d(speeds, torque, bins=8, weights=weights)[0]
-
-    cell_times = sum_over_cells(moving_time)
-    is_used = cell_times > 0
-    times = cell_times[is_used]
-    # A circle lies at the mean speed and torque in its cell. Its area is proportional to the time.
-    axes.scatter(
-        sum_over_cells(moving_time * speeds)[is_used] / times,
-        sum_over_cells(moving_time * torque)[is_used] / times,
-        s=1500.0 * times,
-        color=COLOURS[i],
-        alpha=0.35,
-        linewidths=0,
-        label="share of the time",
-    )
+    dots = axes.scatter(speeds[::DOT_STEP], torque[::DOT_STEP], **DOT_STYLE, color=COLOURS[i])
+    dots.set_label("darker: longer there")
     rms = 1e3 * verdict.requirement.rms_torque
-    axes.plot(
-        [0.0, RPM * motor.max_speed],
-        [rms, rms],
-        ":",
-        color="0.2",
-        linewidth=1.0,
-        label="RMS of the motion",
-    )
+    axes.axhline(rms, linestyle=":", color="0.2", linewidth=1.0, label="RMS of the motion")
     # Show the motion and the continuous region, and at most three times as much of a large
     # short-term region.
     top = 1.15 * max(torque.max(), 1e3 * (continuous_limit or 0.0), 1e-9)

@@ -32,6 +32,10 @@ LINE_DASHES = ("-", "--", "-.", ":")
 """Line styles of joints 1 to 4."""
 LIMIT_STYLE: Keywords = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
 """Style of a line at a limit."""
+DOT_STEP = 10
+"""Number of samples from one dot to the next one, in plots that show how long a motion stays."""
+DOT_STYLE: Keywords = {"s": 22, "alpha": 0.12, "linewidths": 0}
+"""Style of these dots. They overlap where the motion stays longer."""
 ZERO_LINE_STYLE: Keywords = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
 """Style of a line at zero."""
 FONT_SIZE = 9.0
@@ -382,11 +386,6 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
     size = FONT_SIZE - 1
     shown_time = trajectory.duration * (1 + 2 * AXIS_MARGIN)
     inches_per_second = axes.bbox.width / DPI / shown_time
-    style: Keywords = {
-        "transform": axes.get_xaxis_transform(),
-        "ha": "center",
-        "fontsize": size,
-    }
     for k, phase in enumerate(trajectory.phases):
         if k % 2:
             axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
@@ -395,8 +394,10 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
             points = 72 * inches_per_second * (phase.end - phase.start)
             letters = int(points / (LETTER_WIDTH * size))
             middle = (phase.start + phase.end) / 2
+            name = fit_phase_name(phase.name, letters)
             # The vertical position is relative to the plot, whose upper edge is at 1.
-            axes.text(middle, 1.02, fit_phase_name(phase.name, letters), **style)
+            across = axes.get_xaxis_transform()
+            axes.text(middle, 1.02, name, transform=across, ha="center", fontsize=size)
 
 
 def fit_phase_name(name: str, letters: int) -> str:

@@ -123,7 +123,7 @@ def encode_channels(channels: Arrays) -> dict[str, str]:
         Base64 text by name of the channel.
     """
     return {
-        name: base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")
+        name: base64.b64encode(values.astype("<f8").tobytes()).decode("ascii")
         for name, values in channels.items()
     }
 

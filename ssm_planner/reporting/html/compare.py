@@ -185,17 +185,13 @@ def _limits_table(certificate_a: Certificate | None, certificate_b: Certificate 
     margins_a = _margins(certificate_a)
     margins_b = _margins(certificate_b)
     rows = []
-    for key in margins_a.keys() | margins_b.keys():
+    for key in margins_a | margins_b:
         a = margins_a.get(key)
         b = margins_b.get(key)
         change = None if a is None or b is None else b - a
         smallest = min(margin for margin in (a, b) if margin is not None)
-        rows.append(
-            (
-                smallest,
-                key + (format_percent(a, 4), format_percent(b, 4), format_percent(change, 4)),
-            )
-        )
+        margins = [format_percent(value, 2) for value in (a, b, change)]
+        rows.append((smallest, [*key, *margins]))
     cells = [row for _, row in sorted(rows)]
     return Table("limit, joint, margin A, margin B, change", cells, (2, 3, 4))
 
@@ -231,9 +227,7 @@ def _motors_table(plans: tuple[Plan, Plan]) -> Table:
     for joint in sorted(requirements_a.keys() | requirements_b.keys()):
         a = requirements_a.get(joint, {})
         b = requirements_b.get(joint, {})
-        motors = " / ".join(
-            dict.fromkeys([a.get("motor") or MISSING_VALUE, b.get("motor") or MISSING_VALUE])
-        )
+        motors = " / ".join(dict.fromkeys(side.get("motor") or MISSING_VALUE for side in (a, b)))
         for key, name, scale in (
             ("peak_torque", "peak torque mN·m", 1e3),
             ("rms_torque", "RMS torque mN·m", 1e3),

@@ -13,8 +13,7 @@ def write_outcome(
     path: Path,
     title: str,
     conclusion: str,
-    lines: Iterable[str] = (),
-    tables: Iterable[Table] = (),
+    parts: Iterable[str | Table] = (),
     figures: Iterable[Path] = (),
     steps: Sequence[str] = (),
 ) -> Path:
@@ -28,10 +27,8 @@ def write_outcome(
         Title of the page.
     conclusion : str
         First sentence of the page. It must not be empty.
-    lines : iterable of str
-        Text that the command prints in the terminal.
-    tables : iterable of Table
-        Tables of the page.
+    parts : iterable of str and Table
+        Lines of text and tables, in the order in which the page shows them.
     figures : iterable of Path
         PNG files that become part of the page. Other files are ignored.
     steps : sequence of str
@@ -52,8 +49,7 @@ def write_outcome(
         None,
         title=title,
         conclusion=conclusion[0].upper() + conclusion[1:],
-        text="\n".join(lines),
-        tables=tables,
+        parts=parts,
         figures=images,
         steps=steps,
     )

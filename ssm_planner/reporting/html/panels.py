@@ -81,8 +81,8 @@ def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
     """
     joints = plan.robot.joints
     joint_groups = [
-        ("rad", [(i, joint) for i, joint in enumerate(joints) if not joint.slides]),
-        ("m", [(i, joint) for i, joint in enumerate(joints) if joint.slides]),
+        (unit, [(i, joint) for i, joint in enumerate(joints) if joint.unit == unit])
+        for unit in ("rad", "m")
     ]
     tool = list(tool_panels(plan.limits))
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
@@ -583,9 +583,11 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
     for speed_type in plotted_speeds(limits):
         series = [(speed_type.field, "tip", 3)]
         panel = new_panel("Tool tip", speed_type.name.capitalize(), speed_type.unit, series)
-        speed = next((limit for limit in limits.speeds if type(limit) is speed_type), None)
-        if speed is not None:
-            panel["limits"] = [limit_entry(speed, 3, speed_type.field)]
+        panel["limits"] = [
+            limit_entry(speed, 3, speed_type.field)
+            for speed in limits.speeds
+            if type(speed) is speed_type
+        ]
         yield panel
     if limits.eye is not None:
         yield from _eye_panels(limits.eye)

@@ -42,7 +42,7 @@ from ssm_planner.reporting.text import (
     MOTOR_MARGINS,
     Table,
     candidates_table,
-    closest_inactive_limit,
+    closest_limit_text,
     confirmation_texts,
     joints_table,
     limit_cells,
@@ -61,8 +61,8 @@ from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import display_unit
 from ssm_planner.verification import Certificate, LimitCheck
 
-JOINT_COLUMNS = "joint, kind, position, velocity, acceleration, jerk, drive, motor"
-"""Headings of the table of the joints."""
+JOINT_COLUMNS = "joint, position, velocity, acceleration, jerk"
+"""Headings of the table of the limits of the joints."""
 MIN_SHOWN_LIMITS = 10
 """Number of limits that the page shows without a click. Violated limits are always shown."""
 MAX_CLAUSES = 5
@@ -131,7 +131,7 @@ def report_page(plan: Plan) -> str:
         plan=plan,
         confirmation=confirmation_texts(plan),
         ranges=list(range_lines(plan)),
-        closest=plan.certificate and closest_inactive_limit(plan.certificate.limits),
+        closest=plan.certificate and closest_limit_text(plan.certificate.limits, "°"),
         tiers=_limit_groups(plan.certificate),
         proof=proof_table(plan.proof),
         phases=phases_table(plan),
@@ -176,13 +176,11 @@ def write_no_plan(plan: Plan, path: Path, changes: Sequence[tuple[str, float]] =
         if reason.relaxation:
             conclusion += f" A change that permits a motion: {reason.relaxation}."
     steps = [f"{text}: the motion takes {format_fixed(time, 4)} s" for text, time in changes]
-    return write_outcome(
-        path, plan.problem.name, conclusion, tables=problem_tables(plan), steps=steps
-    )
+    return write_outcome(path, plan.problem.name, conclusion, problem_tables(plan), steps=steps)
 
 
 def problem_tables(plan: Plan) -> list[Table]:
-    """Build the tables of a problem: its motion, the limits of the task, and the joints.
+    """Build the tables of a problem: its motion, the limits of task and joints, and the drives.
 
     Parameters
     ----------
@@ -191,15 +189,20 @@ def problem_tables(plan: Plan) -> list[Table]:
 
     Returns
     -------
-    list of three Table
+    list of four Table
         Tables with captions.
     """
-    joints = [_joint_row(joint) for joint in plan.problem.robot.joints]
+    joints = list(map(_joint_row, plan.robot.joints))
+    drives = [
+        (joint.name, *(part.name if part else MISSING_VALUE for part in (joint.drive, joint.motor)))
+        for joint in plan.robot.joints
+    ]
     limits = limit_rows(plan.limits)
     return [
         _motion_table(plan),
         Table("limit, from, to, unit", limits, (1, 2), "Limits of the task"),
-        Table(JOINT_COLUMNS, joints, (2, 3, 4, 5), "Joints"),
+        Table(JOINT_COLUMNS, joints, (1, 2, 3, 4), "Limits of the joints"),
+        Table("joint, drive, motor", drives, caption="Drives"),
     ]
 
 
@@ -583,16 +586,16 @@ def _target_text(motion: JsonObject) -> str:
 
 
 def _joint_row(joint: Joint) -> tuple[str, ...]:
-    """Format a joint as one row of the table of the joints.
+    """Format the limits of a joint as one row of a table.
 
     Parameters
     ----------
     joint : Joint
-        Joint with its limits, drive and motor.
+        Joint with its limits.
 
     Returns
     -------
-    tuple of eight str
+    tuple of five str
         Cells under the headings `JOINT_COLUMNS`, with limits in degrees or mm.
     """
     unit, scale = display_unit(joint.unit, "°")
@@ -604,11 +607,8 @@ def _joint_row(joint: Joint) -> tuple[str, ...]:
 
     return (
         joint.name,
-        joint.kind,
         f"{format_value(low)} … {format_value(high)} {unit}",
         f"{format_value(joint.velocity)} {unit}/s",
         f"{format_value(joint.acceleration)} {unit}/s²",
         MISSING_VALUE if joint.jerk is None else f"{format_value(joint.jerk)} {unit}/s³",
-        MISSING_VALUE if joint.drive is None else joint.drive.name,
-        MISSING_VALUE if joint.motor is None else joint.motor.name,
     )

@@ -140,8 +140,7 @@ def link_sides(robot: Robot, mechanism: Mechanism) -> list[int]:
     list of two int
         +1 in the direction of the joint axis, and −1 opposite to it.
     """
-    sides = []
-    for axis, body in zip((mechanism.omega1, mechanism.omega2), robot.bodies, strict=False):
-        distance = axis @ (body.frame @ body.com)
-        sides.append(1 if distance > 0 else -1)
-    return sides
+    return [
+        1 if axis @ (body.frame @ body.com) > 0 else -1
+        for axis, body in zip((mechanism.omega1, mechanism.omega2), robot.bodies, strict=False)
+    ]

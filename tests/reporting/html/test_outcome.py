@@ -40,8 +40,11 @@ def test_a_folder_has_a_page_that_begins_with_its_conclusion(name: str, tmp_path
     assert main([*words, "-o", str(tmp_path)]) in (0, 1)
     page = tmp_path / f"{name}.html"
     assert re.match(conclusion, first_sentence(page))
+    text = page.read_text(encoding="utf-8")
+    assert "-----" not in text, "the tables are those of HTML"
+    assert ".png" not in text, "files are named in the terminal only"
     pictures = len(list(tmp_path.glob("*.png")))
-    assert page.read_text(encoding="utf-8").count("<img") == pictures
+    assert text.count("<img") == pictures
 
 
 def test_a_page_escapes_its_words(tmp_path: Path) -> None:
