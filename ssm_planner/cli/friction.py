@@ -189,8 +189,8 @@ def _parameter_table(result: JsonObject, drive: ssm.Drive) -> "Table":
     Returns
     -------
     Table
-        One row for each parameter. The column of remarks marks parameters that were fixed, that are at a
-        bound, or that the data cannot separate from others.
+        One row for each parameter. The column of remarks marks parameters that were fixed, that are
+        at a bound, or that the data cannot separate from others.
     """
     from ssm_planner.display import format_number
     from ssm_planner.identification import parameter_unit

@@ -267,15 +267,16 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
     Returns
     -------
     Table
-        One row for each limit: the cells of `limit_cells`, the instant of the worst value in s, and
-        "EXCEEDED" for a violated limit.
+        One row for each limit: the cells of `limit_cells`, and the instant of the worst value in s.
+        "EXCEEDED" follows the name of a violated limit.
     """
     rows = []
     for limit in sorted(limits, key=lambda limit: limit.margin):
         if limit.name not in JUMP_NAMES or not limit.passed:
-            verdict = "" if limit.passed else "EXCEEDED"
-            rows.append((*limit_cells(limit), format_fixed(limit.time, 4), verdict))
-    return Table("limit, joint, worst, limit, unit, margin, at s, ", rows, (2, 3, 5, 6))
+            name, *cells = limit_cells(limit)
+            verdict = "" if limit.passed else " EXCEEDED"
+            rows.append((name + verdict, *cells, format_fixed(limit.time, 4)))
+    return Table("limit, joint, worst, limit, unit, margin, at s", rows, (2, 3, 5, 6))
 
 
 def phases_table(plan: "Plan") -> Table:
