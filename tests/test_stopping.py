@@ -13,6 +13,7 @@ from ssm_planner.plans import load_plan
 from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.trajectory import Samples, Span, Trajectory
+from ssm_planner.verification import quickest_stops
 from ssm_planner.verification import stops as stops_module
 from ssm_planner.verification.check import check
 from tests.support.paths import RESULTS
@@ -162,7 +163,7 @@ def test_the_bound_of_an_interval_is_what_bisection_on_the_laws_finds(plan, kind
     """
     robot, rng = variant(plan.robot, kind), np.random.default_rng(7)
     path = stops_module._StopPath.from_motion(
-        plan.motion, robot, np.linspace(0.0, plan.motion.duration, 50)
+        plan.motion, robot, np.linspace(0.0, plan.motion.duration, 50), np.zeros(0)
     )
     body = RigidBody.from_robot(robot)
     with np.errstate(all="ignore"):
@@ -258,3 +259,28 @@ def test_friction_that_depends_on_the_speed_by_nothing_makes_the_same_stops(plan
     one, other = (controlled_stops(plan.motion, item, instants=60) for item in (plan.robot, robot))
     np.testing.assert_allclose(one.duration, other.duration, rtol=1e-9)
     np.testing.assert_allclose(one.travel, other.travel, rtol=1e-9)
+
+
+@pytest.mark.parametrize("jerk", [None, 500.0])
+@pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
+def test_a_stop_does_not_depend_on_the_other_instants(name, jerk):
+    """The stop from an instant is the same alone, in any selection, and among all cycles."""
+    plan = load_plan(RESULTS / name / "plan.json")
+    robot = plan.robot
+    robot = replace(robot, joints=tuple(replace(joint, jerk=jerk) for joint in robot.joints))
+    times = np.arange(0.0, plan.motion.duration, 1e-3 if jerk is None else 1e-2)
+    stops = quickest_stops(plan.motion, robot, times)
+    rng = np.random.default_rng(5)
+    selections = [rng.choice(len(times), count, replace=False) for count in (1, 2, 30)]
+    for chosen in map(np.sort, (*selections, np.arange(3, len(times), 7))):
+        some = quickest_stops(plan.motion, robot, times[chosen])
+        assert np.array_equal(some.time, stops.time[chosen])
+        assert np.array_equal(some.duration, stops.duration[chosen])
+        assert some.travel == pytest.approx(stops.travel[chosen], rel=1e-12)
+        for k, stop in zip(chosen, some.motions, strict=True):
+            reference = stops.motions[k]
+            if stop is None or reference is None:
+                assert stop is reference
+                continue
+            assert np.array_equal(stop.breaks, reference.breaks)
+            assert np.array_equal(stop.coefficients, reference.coefficients)

@@ -40,7 +40,10 @@ from ssm_planner.verification.joint_stops import compute_joint_stops
 from ssm_planner.verification.pieces import rest_speeds
 
 INSTANTS = 1000
-"""Default number of instants of the motion at which a stop begins."""
+"""Default number of instants of the motion at which a stop begins.
+
+The same number of evenly spaced instants always divides the path, whichever stops are requested.
+"""
 MAX_STEP = 2e-3
 """Largest length of an interval in which s̈ is constant, in s of the motion."""
 MAX_STEPS = 8
@@ -52,9 +55,9 @@ This reserve covers the jumps of s̈ between intervals, and the difference betwe
 and the exact stop.
 """
 MIN_BREAK_DISTANCE = 2e-4
-"""Distance from a break of the motion (s) below which an instant is moved to the break.
+"""Distance from a node of the path (s) below which an instant is moved to the node.
 
-A very short piece between the instant and the break would have inaccurate accelerations.
+A very short piece between the instant and the node would have inaccurate accelerations.
 """
 MIN_LEG_PIECES = 1500
 """Smallest number of pieces in a leg, that is, in a part of the motion between two rests.
@@ -136,7 +139,12 @@ class _StopPath:
     """
 
     s: Array
-    """Nodes, (m + 1,), in s from the start of the motion."""
+    """Starts of the intervals and end of the motion, (m + 1,), in s from the start of the motion.
+    """
+    lengths: Array
+    """Lengths of the intervals in s, (m,)."""
+    following: Indices
+    """Index of the interval that follows each interval, (m,). It is m at the end of the motion."""
     q: Array
     dq: Array
     ddq: Array
@@ -146,15 +154,20 @@ class _StopPath:
     and in N for a joint that slides.
     """
     rests: Mask
-    """True if all joints rest in the motion at the node, (m + 1,)."""
+    """True if all joints rest in the motion at the instant in `s`, (m + 1,)."""
 
     @classmethod
-    def from_motion(cls, motion: Trajectory, robot: Robot, instants: Array) -> "_StopPath":
+    def from_motion(
+        cls, motion: Trajectory, robot: Robot, instants: Array, begins: Array
+    ) -> "_StopPath":
         """Sample the path of a motion at both ends of short intervals.
 
         The nodes of the path are all breaks of the motion and the given instants. The distance
         between two nodes is divided into intervals of at most `MAX_STEP`, but into at most
-        `MAX_STEPS` intervals.
+        `MAX_STEPS` intervals. The ends of these intervals are further nodes.
+
+        Every stop also has an interval from its beginning to the next node. Therefore, the nodes
+        and the stops do not depend on the beginnings of other stops.
 
         Parameters
         ----------
@@ -163,27 +176,35 @@ class _StopPath:
         robot : Robot
             Robot with its rigid-body dynamics.
         instants : (n,) array
-            Instants at which a stop begins, in s from the start of the motion. An instant that is
+            Instants that divide the path, in s from the start of the motion. An instant that is
             nearer to a break than `MIN_BREAK_DISTANCE` does not become a node.
+        begins : (k,) array
+            Instants at which a stop begins, in s from the start of the motion. An instant that is
+            nearer to a node than `MIN_BREAK_DISTANCE` is moved to the node.
 
         Returns
         -------
         _StopPath
-            The path with m intervals.
+            The path with m intervals. The first k of them begin where the stops begin.
         """
         breaks = motion.breaks - motion.breaks[0]
-        next_break = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
-        distance_to_next = np.abs(breaks[next_break] - instants)
-        distance_to_previous = np.abs(breaks[next_break - 1] - instants)
-        is_near = np.minimum(distance_to_next, distance_to_previous) < MIN_BREAK_DISTANCE
-        nodes = np.union1d(breaks, instants[~is_near])
+        is_node = np.abs(_nearest(breaks, instants) - instants) >= MIN_BREAK_DISTANCE
+        nodes = np.union1d(breaks, instants[is_node])
         distances = np.diff(nodes)
         # The small number prevents that rounding adds an interval to a multiple of MAX_STEP.
         steps = np.clip(np.ceil(distances / MAX_STEP - 1e-9), 1, MAX_STEPS).astype(int)
         interval, offset = part_indices(steps)
-        s = np.append(offset * (distances / steps)[interval] + nodes[interval], nodes[-1])
+        nodes = np.append(offset * (distances / steps)[interval] + nodes[interval], nodes[-1])
+        begins = np.clip(begins, 0.0, nodes[-1])
+        nearest = _nearest(nodes, begins)
+        begins = np.where(np.abs(nearest - begins) < MIN_BREAK_DISTANCE, nearest, begins)
+        # A stop at the end of the motion has an empty interval.
+        end_nodes = np.minimum(np.searchsorted(nodes, begins, "right"), len(nodes) - 1)
+        s = np.append(begins, nodes)
+        s_end = np.append(nodes[end_nodes], nodes[1:])
+        following = np.append(end_nodes, np.arange(1, len(nodes))) + len(begins)
         starts = motion.sample(motion.breaks[0] + s[:-1], "right")
-        ends = motion.sample(motion.breaks[0] + s[1:], "left")
+        ends = motion.sample(motion.breaks[0] + s_end, "left")
         q = np.stack([starts.q, ends.q])
         dq = np.stack([starts.qd, ends.qd])
         ddq = np.stack([starts.qdd, ends.qdd])
@@ -192,7 +213,21 @@ class _StopPath:
         inertia, velocity, gravity = (term.reshape(q.shape) for term in path_load)
         node_speeds = np.abs(np.append(dq[0], dq[1, -1:], axis=0))
         rests = np.all(node_speeds <= rest_speeds(robot), axis=1)
-        return cls(s, q, dq=dq, ddq=ddq, effort_terms=(inertia, velocity, gravity), rests=rests)
+        return cls(
+            s,
+            s_end - s[:-1],
+            following,
+            q,
+            dq=dq,
+            ddq=ddq,
+            effort_terms=(inertia, velocity, gravity),
+            rests=rests,
+        )
+
+
+def _nearest(nodes: Array, t: Array) -> Array:
+    """Return the nearest of ordered nodes to each of n instants, (n,)."""
+    return nodes[np.searchsorted((nodes[1:] + nodes[:-1]) / 2, t)]
 
 
 def quickest_stops(
@@ -204,7 +239,8 @@ def quickest_stops(
     """Compute the quickest stops from instants of a motion.
 
     A stop never continues beyond an instant at which the motion rests. Long motions are therefore
-    divided into legs between rests, which are processed one by one.
+    divided into legs between rests, which are processed one by one. A stop does not depend on the
+    instants of the other stops.
 
     Parameters
     ----------
@@ -244,13 +280,16 @@ def quickest_stops(
         ):
             first_pieces.append(int(break_index))
     starts = motion.breaks[first_pieces] - motion.breaks[0]
-    legs = np.split(times, np.searchsorted(times, starts[1:]))
+    grid = np.linspace(0.0, motion.duration, INSTANTS)
+    legs, grids = (np.split(t, np.searchsorted(t, starts[1:])) for t in (times, grid))
     piece_ranges = pairwise(first_pieces + [len(motion.breaks) - 1])
     rows = []
-    for (first_piece, end_piece), start, leg in zip(piece_ranges, starts, legs, strict=True):
+    for (first_piece, end_piece), start, leg, instants_of_leg in zip(
+        piece_ranges, starts, legs, grids, strict=True
+    ):
         breaks = motion.breaks[first_piece : end_piece + 1]
         leg_motion = Trajectory(breaks, motion.pieces(slice(first_piece, end_piece)), ())
-        stops = _stops_of_leg(leg_motion, robot, leg - start)
+        stops = _stops_of_leg(leg_motion, robot, leg - start, instants_of_leg - start)
         measures = stops.time + start, stops.duration, stops.travel
         rows.append((*measures, *stops.pieces, np.diff(stops.edges)))
     time, duration, travel, *pieces, sizes = map(np.concatenate, zip(*rows, strict=True))
@@ -264,7 +303,7 @@ def quickest_stops(
     )
 
 
-def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions:
+def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array, instants: Array) -> StopMotions:
     """Compute the quickest stops in one leg of a motion.
 
     A leg is a part of the motion that ends at a rest or at the end of the motion.
@@ -276,21 +315,20 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
     robot : Robot
         Robot whose limits must hold.
     times : (n,) array
-        Instants in s from the start of the leg.
+        Instants at which the stops begin, in s from the start of the leg.
+    instants : array
+        Instants that divide the path, in s from the start of the leg.
 
     Returns
     -------
     StopMotions
-        One stop from the node of the path that is nearest to each instant. Times count from the
-        start of the leg.
+        The stops. Times count from the start of the leg.
     """
-    path = _StopPath.from_motion(motion, robot, times)
-    middles = (path.s[1:] + path.s[:-1]) / 2
-    start_nodes = np.searchsorted(middles, times)  # the nearest node of each instant
+    path = _StopPath.from_motion(motion, robot, instants, times)
     # Where no limit bounds s̈, divisions by 0 give infinite bounds.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        stops = _advance_stops(path, robot, start_nodes)
-    return _measure_stops(path.s[start_nodes], stops, robot, ends_at_rest=bool(path.rests[-1]))
+        stops = _advance_stops(path, robot, len(times))
+    return _measure_stops(path.s[: len(times)], stops, robot, ends_at_rest=bool(path.rests[-1]))
 
 
 def _measure_stops(
@@ -338,10 +376,8 @@ def _measure_stops(
     )
 
 
-def _advance_stops(
-    path: _StopPath, robot: Robot, start_nodes: Indices
-) -> tuple[Array, Array, Indices]:
-    """Advance n stops from their start nodes until they rest.
+def _advance_stops(path: _StopPath, robot: Robot, count: int) -> tuple[Array, Array, Indices]:
+    """Advance n stops from the first n intervals of a path until they rest.
 
     All stops advance together, by one interval of the path in each step. In an interval, s̈ is
     constant and has the smallest value that the limits allow. If the path is too short for a stop,
@@ -353,8 +389,8 @@ def _advance_stops(
         Path of the motion.
     robot : Robot
         Robot whose limits must hold.
-    start_nodes : (n,) array
-        Indices of the nodes at which the stops begin.
+    count : int
+        Number n of stops.
 
     Returns
     -------
@@ -365,22 +401,21 @@ def _advance_stops(
     edges : (n + 1,) array
         Index of the first piece of each stop, and the number of pieces.
     """
-    last_node = len(path.s) - 1
-    stop = np.arange(len(start_nodes))
-    k = start_nodes.copy()
-    x = np.ones(len(start_nodes))
+    # A stop that begins at the end of the motion does not enter an interval.
+    stop = np.flatnonzero(path.lengths[:count] > 0)
+    k = stop
+    x = np.ones(len(stop))
     bounds = _DecelerationBounds.from_path(path, robot)
-    lengths = np.diff(path.s)
     rows: list[tuple[Any, ...]] = []
     while True:
         # k is the interval that a stop enters, x = ṡ² at its start, and u = s̈ within it.
-        going = ~path.rests[k] & (k < last_node) & (x > 0)
+        going = ~path.rests[k] & (k < len(path.lengths)) & (x > 0)
         stop = stop[going]
         k = k[going]
         x = x[going]
         if not len(stop):
             break
-        length = lengths[k]
+        length = path.lengths[k]
         u = bounds.smallest_acceleration(k, x, ends=False)
         # d(ṡ²)/ds = 2 s̈, so a constant s̈ changes ṡ² by 2 s̈ times the length of the interval.
         ends = np.flatnonzero(x + 2 * u * length <= 0)
@@ -391,12 +426,12 @@ def _advance_stops(
         next_x = np.where(ended, 0.0, next_x)
         travel = np.where(ended, x / np.where(ended, -2 * u, 1.0), length)
         rows.append((stop, k, x, u, next_x, travel))
-        k = k + 1
+        k = path.following[k]
         x = next_x
     if not rows:
-        return np.zeros(0), np.zeros((0, DEGREE + 1, 4)), np.zeros(len(start_nodes) + 1, dtype=int)
+        return np.zeros(0), np.zeros((0, DEGREE + 1, 4)), np.zeros(count + 1, dtype=int)
     columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
-    return _pieces_from_steps(path, len(start_nodes), columns)
+    return _pieces_from_steps(path, count, columns)
 
 
 @record
@@ -410,8 +445,6 @@ class _DecelerationBounds:
 
     path: _StopPath
     robot: Robot
-    lengths: Array
-    """Lengths of the intervals in s, (m,)."""
     terms: Array
     """Coefficients c₀, c₁ and c₂ of the bounds s̈ ≥ c₀ + c₁ x + c₂ √x, (3, rows, 3 m).
 
@@ -449,13 +482,12 @@ class _DecelerationBounds:
         _DecelerationBounds
             The bounds on all intervals.
         """
-        lengths = np.diff(path.s)
-        m = len(lengths)
+        m = len(path.lengths)
         # The three states of an interval: its start, its end after s̈ has changed ṡ², and its end
         # with a given ṡ². Only in the second state does ṡ² grow with s̈.
         end = np.repeat([0, 1, 1], m)
         interval = np.tile(np.arange(m), 3)
-        square_growth = np.concatenate([np.zeros(m), 2 * lengths, np.zeros(m)])
+        square_growth = np.concatenate([np.zeros(m), 2 * path.lengths, np.zeros(m)])
         dq = path.dq[end, interval]
         ddq = path.ddq[end, interval]
         # |a s̈ + q'' ṡ²| ≤ limit bounds s̈ from below by −limit/|a| − (q''/a) ṡ².
@@ -495,7 +527,6 @@ class _DecelerationBounds:
         return cls(
             path,
             robot,
-            lengths,
             np.ascontiguousarray(terms),
             single_rows=count,
             speed_dependent_joints=tuple(speed_dependent),
@@ -520,7 +551,8 @@ class _DecelerationBounds:
             The smallest s̈. The result is at most 0, because a stop never accelerates.
         """
         n = len(k)
-        m = len(self.lengths)
+        lengths = self.path.lengths
+        m = len(lengths)
         at_rest = np.zeros(n)
         # Pairs of a state of the interval (0, 1 or 2, as in `terms`) and the value of ṡ² in it.
         positions = [(0, x), (2, at_rest), (0, at_rest)] if ends else [(0, x), (1, x)]
@@ -540,7 +572,7 @@ class _DecelerationBounds:
         end = np.repeat([min(position, 1) for position, _ in positions], n)
         interval = np.tile(k, len(positions))
         for i in self.speed_dependent_joints:
-            square_growth = np.where(columns // m == 1, 2 * self.lengths[interval], 0.0)
+            square_growth = np.where(columns // m == 1, 2 * lengths[interval], 0.0)
             motor = _MotorOnPath.from_joint(
                 self.path, self.robot.joints[i], (end, interval, i), square_growth, square
             )
@@ -733,7 +765,7 @@ def _pieces_from_steps(
     q, q_end = [np.asfortranarray(values[k]) for values in path.q]
     dq, dq_end = [np.asfortranarray(values[k]) for values in path.dq]
     ddq, ddq_end = [np.asfortranarray(values[k]) for values in path.ddq]
-    h = path.s[k + 1] - path.s[k]
+    h = path.lengths[k]
     # A stop may end within an interval. A quintic through both ends gives the path there.
     within = np.flatnonzero(travel < h)
     begins = (q[within], dq[within], ddq[within])

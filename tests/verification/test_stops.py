@@ -25,13 +25,13 @@ def motion(robot: Robot) -> Trajectory:
 def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -> None:
     """Other instants add a node. The path has the states on both sides of every node."""
     breaks = motion.breaks - 3.0
-    plain = module._StopPath.from_motion(motion, robot, np.zeros(0))
+    plain = module._StopPath.from_motion(motion, robot, np.zeros(0), np.zeros(0))
     for shift in (-0.4 * module.MIN_BREAK_DISTANCE, 0.4 * module.MIN_BREAK_DISTANCE):
         near = np.clip(breaks + shift, 0.0, breaks[-1])
-        path = module._StopPath.from_motion(motion, robot, near)
+        path = module._StopPath.from_motion(motion, robot, near, np.zeros(0))
         assert np.array_equal(path.s, plain.s)
     apart = (breaks[1:] + 2 * breaks[:-1]) / 3
-    path = module._StopPath.from_motion(motion, robot, apart)
+    path = module._StopPath.from_motion(motion, robot, apart, np.zeros(0))
     assert all(np.abs(path.s - instant).min() < 1e-12 for instant in (*breaks, *apart))
     assert np.diff(path.s).min() > module.MIN_BREAK_DISTANCE
     assert np.diff(plain.s).max() <= max(module.MAX_STEP, breaks[-1] / module.MAX_STEPS) * (
@@ -68,7 +68,7 @@ def test_torques_have_rows_unless_friction_depends_on_the_speed(
         )
         joints[i] = replace(joints[i], drive=replace(drive, friction=friction))
     changed = replace(robot, joints=tuple(joints))
-    path = module._StopPath.from_motion(motion, changed, np.zeros(0))
+    path = module._StopPath.from_motion(motion, changed, np.zeros(0), np.zeros(0))
     with np.errstate(divide="ignore", invalid="ignore"):
         bounds = module._DecelerationBounds.from_path(path, changed)
     others = 3 - len(varying)
