@@ -54,7 +54,7 @@ from ssm_planner.sizing import (
     tip_error,
 )
 from ssm_planner.stopping import Stops, controlled_stops
-from ssm_planner.trajectory import Span, Trajectory
+from ssm_planner.trajectory import DEGREE, Span, Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.units import display_unit
 from ssm_planner.verification import Certificate, seal_error
@@ -1070,7 +1070,9 @@ def load_plan(path: str | Path) -> Plan:
     except (OSError, ValueError) as error:
         raise TrajectoryError(f"{path}: cannot be read: {error}") from error
     with locked(file.parent):  # no other process may replace the results
-        data, sha256 = read_json_in_parts(file, LARGEST_FILE, ("trajectory", "coefficients"))
+        data, sha256 = read_json_in_parts(
+            file, LARGEST_FILE, ("trajectory", "coefficients"), (DEGREE + 1, len(JOINTS))
+        )
         check_generation(file.parent)
     return Plan._from_document(data, sha256, file)
 

@@ -10,31 +10,35 @@ import hashlib
 import json
 import math
 import re
-from itertools import islice, pairwise
-from mmap import ACCESS_READ, mmap
+from array import array
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
+from pydantic_core import from_json
 
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.loading.files import decode_text, read_file_bytes
 from ssm_planner.loading.yaml_nodes import LARGEST_DEPTH
-from ssm_planner.typing import Array
+from ssm_planner.publishing import sha256
 
 PARTIAL_READ_BYTES = 20 * 2**20
 """File size in bytes above which the longest list is read in parts."""
-BATCH_ENTRIES = 4096
-"""Number of entries of the longest list that are converted together."""
+BATCH_BYTES = 2**20
+"""Number of bytes of the longest list that are converted together."""
 LARGEST_WHOLE_BYTES = 2**28
-"""Largest size in bytes of a file that is parsed at once, that is, not in parts."""
-_ENTRY_END = re.compile(rb"\]\s*\]\s*,")
-"""End of an entry of the longest list. An entry is a list of lists."""
-_LIST_END = re.compile(rb"\]\s*\]\s*\]")
-"""End of the longest list."""
-_NUMBER_LISTS = re.compile(r"[][\s0-9eE+.,-]*")
-"""Text that consists only of nested lists of numbers."""
+"""Largest size in bytes of a file that is parsed at once, and of the rest of a larger file."""
+_LAST_ENTRY_END = re.compile(rb".*\]\s*\]\s*(?=,)", re.DOTALL)
+"""Text up to the end of the last complete entry of the longest list. An entry is a matrix."""
+_LIST_END = re.compile(rb"\]\s*\]\s*(?=\])")
+"""End of the last entry of the longest list."""
+_NUMBER_MARKS = bytes.maketrans(b"0123456789+-.eE", b"d" * 15)
+"""Translation of every character of a number to the same letter."""
+_NO_BRACKETS = bytes.maketrans(b"[]", b"  ")
+"""Translation of brackets to spaces."""
+_FORBIDDEN_CHARACTER = re.compile("[\0\ud800-\udfff]")
+"""NUL, or an unpaired surrogate."""
 LARGEST_INTEGER_DIGITS = 18
 """Largest number of digits of an integer, which fits 64 bits."""
 
@@ -62,7 +66,9 @@ def read_json(path: Path, max_size: int) -> Any:
     return parse_json(path, read_bytes(path, max_size))
 
 
-def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> tuple[Any, str]:
+def read_json_in_parts(
+    path: Path, max_size: int, long_key: tuple[str, ...], shape: tuple[int, int]
+) -> tuple[Any, str]:
     """Read a JSON file that may contain a long list of matrices, and compute its SHA-256.
 
     In a large file, this list is converted to an array in parts. Python objects for all its numbers
@@ -76,6 +82,8 @@ def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> 
         Largest permitted size, bytes.
     long_key : tuple of str
         Keys that lead to the long list.
+    shape : (int, int)
+        Numbers of rows and columns of each matrix.
 
     Returns
     -------
@@ -93,102 +101,117 @@ def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> 
         data = read_bytes(path, max_size)
         return parse_json(path, data), hashlib.sha256(data).hexdigest()
     try:
-        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-            return _parse_in_parts(path, content, long_key), hashlib.sha256(content).hexdigest()
+        with path.open("rb") as file:
+            try:
+                content = _parse_in_parts(path, file, long_key, shape)
+            except (LookupError, TypeError, ValueError, TrajectoryError) as error:
+                if path.stat().st_size > LARGEST_WHOLE_BYTES:
+                    raise TrajectoryError(
+                        f"{path}: invalid JSON, or not in the form that this program writes"
+                    ) from error
+                # The complete text also shows the faults of the file.
+                content = parse_json(path, path.read_bytes())
+        return content, sha256(path)
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
-    """Parse a JSON file, and convert its longest list to an array (n, …).
+def _parse_in_parts(
+    path: Path, file: BinaryIO, long_key: tuple[str, ...], shape: tuple[int, int]
+) -> Any:
+    """Parse a JSON file, and convert its longest list to an array (n, rows, columns).
 
-    A random mark replaces the list while the rest of the file is parsed. A file that cannot be
-    split in this way is parsed as a whole. This also finds and describes faults of the file.
+    A random mark replaces the list while the rest of the file is parsed.
 
     Parameters
     ----------
     path : Path
         File for messages.
-    data : mmap
-        Content of the file.
+    file : binary file
+        The file, open for reading.
     long_key : tuple of str
         Keys that lead to the list.
+    shape : (int, int)
+        Numbers of rows and columns of each matrix.
 
     Returns
     -------
     object
         Content of the file, in which the array replaces the list.
-    """
-    *outer_keys, key = long_key
-    start = re.search(rb'"%b"\s*:\s*(?=\[)' % key.encode(), data)
-    end = _LIST_END.search(data, start.end()) if start else None
-    if not start or not end:
-        return _parse_whole(path, data)
-    mark = token_hex(16)
-    try:
-        array = _read_array(path, data, start.end() + 1, end.end() - 1)
-        shortened = b'%b"%b"%b' % (data[: start.end()], mark.encode(), data[end.end() :])
-        mapping = document = parse_json(path, shortened)
-        for outer_key in outer_keys:
-            mapping = mapping[outer_key]
-        if mapping[key] != mark:  # the list is not at these keys
-            return _parse_whole(path, data)
-    except (LookupError, TypeError, ValueError, OverflowError, RecursionError, TrajectoryError):
-        return _parse_whole(path, data)
-    mapping[key] = array
-    return document
-
-
-def _parse_whole(path: Path, data: mmap) -> Any:
-    """Parse a file at once.
-
-    Raises TrajectoryError if the file is invalid or larger than `LARGEST_WHOLE_BYTES`.
-    """
-    if len(data) > LARGEST_WHOLE_BYTES:
-        raise TrajectoryError(f"{path}: invalid JSON, or not in the form that this program writes")
-    return parse_json(path, data[:])
-
-
-def _read_array(path: Path, data: mmap, start: int, end: int) -> Array:
-    """Convert a part of a file to an array in batches.
-
-    Parameters
-    ----------
-    path : Path
-        File for messages.
-    data : mmap
-        Content of the file.
-    start, end : int
-        Positions of the first byte of the list's entries, and after their last byte.
-
-    Returns
-    -------
-    (n, …) array
-        Entries of the list.
 
     Raises
     ------
-    ValueError, TypeError, OverflowError, RecursionError, TrajectoryError
-        If the entries are not lists of finite numbers with equal shapes. The caller then parses the
-        whole file.
+    LookupError, TypeError, ValueError, TrajectoryError
+        If the file cannot be split in this way. The caller then parses it as a whole.
     """
-    decoder = _strict_decoder(path)
-    entries = _ENTRY_END.finditer(data, start, end)
-    borders = [
-        start,
-        *(entry.end() for entry in islice(entries, BATCH_ENTRIES - 1, None, BATCH_ENTRIES)),
-        end,
-    ]
-    batches = []
-    for begin, stop in pairwise(borders):
-        text = data[begin:stop].decode().rstrip().removesuffix(",")
-        if _NUMBER_LISTS.fullmatch(text) is None:
-            raise ValueError("not numbers")
-        batch = np.array(decoder.decode(f"[{text}]"), dtype=float)
-        if not np.isfinite(batch).all():
-            raise ValueError("not finite")
-        batches.append(batch)
-    return np.concatenate(batches)
+    *outer_keys, key = long_key
+    opening = re.compile(rb'"%b"\s*:\s*\[' % key.encode())
+    before = b""
+    while not (start := opening.search(before)):
+        # Every block doubles the text, so the time of all searches is proportional to its length.
+        before += _read_more(file, BATCH_BYTES + len(before))
+    numbers = array("d")
+    text = before[start.end() :]
+    while not (end := _LIST_END.search(text)):
+        if part := _LAST_ENTRY_END.match(text):
+            numbers.frombytes(_matrix_numbers(part[0], shape))
+            text = text[part.end() + 1 :]  # without the comma
+        text += _read_more(file, BATCH_BYTES)
+    numbers.frombytes(_matrix_numbers(text[: end.end()], shape))
+    mark = token_hex(16)
+    rest = text[end.end() + 1 :] + file.read(LARGEST_WHOLE_BYTES)
+    mapping = document = parse_json(
+        path, b'%b"%b"%b' % (before[: start.end() - 1], mark.encode(), rest)
+    )
+    for outer_key in outer_keys:
+        mapping = mapping[outer_key]
+    if mapping[key] != mark:
+        raise ValueError("the list is not at these keys")
+    mapping[key] = np.frombuffer(numbers).reshape(-1, *shape)
+    return document
+
+
+def _read_more(file: BinaryIO, size: int) -> bytes:
+    """Read the next bytes of a file. Raises ValueError at its end, or if the size is too large."""
+    block = file.read(size)
+    if not block or size > LARGEST_WHOLE_BYTES:
+        raise ValueError("no long list")
+    return block
+
+
+def _matrix_numbers(text: bytes, shape: tuple[int, int]) -> bytes:
+    """Convert matrices in JSON to the bytes of their numbers.
+
+    Parameters
+    ----------
+    text : bytes
+        Matrices, separated by commas.
+    shape : (int, int)
+        Numbers of rows and columns of each matrix.
+
+    Returns
+    -------
+    bytes
+        Floats in native byte order, matrix by matrix and row by row.
+
+    Raises
+    ------
+    ValueError
+        If the text is not a sequence of matrices of finite numbers with this shape.
+    """
+    rows, columns = shape
+    row = b"[%b]" % (b"," * (columns - 1))
+    matrix = b"[%b]" % b",".join([row] * rows)
+    # In this text, the letter d stands for every character of a number.
+    marked = text.translate(_NUMBER_MARKS, b" \t\r\n")
+    brackets = marked.translate(None, b"d")
+    count = (len(brackets) + 1) // (len(matrix) + 1)
+    if brackets != b",".join([matrix] * count) or b"d[" in marked or b"]d" in marked:
+        raise ValueError("not matrices of this shape")
+    numbers = np.array(from_json(b"[%b]" % text.translate(_NO_BRACKETS)))
+    if numbers.dtype != float or not np.isfinite(numbers).all():
+        raise ValueError("not finite floats")
+    return numbers.tobytes()
 
 
 def read_bytes(path: Path, max_size: int) -> bytes:
@@ -297,7 +320,8 @@ def _check_json_value(path: Path, value: Any, depth: int) -> None:
             _check_json_value(path, item, depth + 1)
     elif isinstance(value, list):
         for item in value:
-            _check_json_value(path, item, depth + 1)
+            if type(item) is not float or not math.isfinite(item):
+                _check_json_value(path, item, depth + 1)
 
 
 def check_characters(path: Path, text: str) -> None:
@@ -305,7 +329,7 @@ def check_characters(path: Path, text: str) -> None:
 
     Neither files nor file names can contain these characters. The error names the file `path`.
     """
-    if any("\ud800" <= character <= "\udfff" or character == "\0" for character in text):
+    if _FORBIDDEN_CHARACTER.search(text):
         raise TrajectoryError(
             f"{path}: contains text with a character that no file can contain: {text[:40]!a}"
         )

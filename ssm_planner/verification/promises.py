@@ -281,21 +281,21 @@ def _path_promises(
     index = 0
     counts_unknown = False
     spans = motion.phases
+    names = [span.name for span in spans]
     for chain in _chains(limits.motion):
         head = chain[0]
         name = " + ".join(dict.fromkeys(entry.name for entry in chain))
         if isinstance(head, Scan) or (isinstance(head, Follow) and head.curve == "samples"):
             counts_unknown = True  # The planner chooses the number of phases.
             continue
-        names = [span.name for span in spans[index:]]
-        if counts_unknown and name in names:
-            index += names.index(name)
-        elif not counts_unknown and names[:1] == [f"{name}, approach"]:
+        if counts_unknown and name in names[index:]:
+            index = names.index(name, index)
+        elif not counts_unknown and names[index : index + 1] == [f"{name}, approach"]:
             index += 1  # a curve along the retina has a phase that approaches it
         counts_unknown = False
         start = spans[index].start if index < len(spans) else motion.breaks[-1]
         span = Span(name, start, start)
-        if index < len(spans) and spans[index].name == name:
+        if names[index : index + 1] == [name]:
             span = spans[index]
         index += 1
         if _prescribes_lines(head):
@@ -682,8 +682,9 @@ def _checked_instants(motion: Trajectory, mechanism: Mechanism, promise: PathPro
     """
     start = promise.span.start
     end = promise.span.end
-    inner_breaks = motion.breaks[(motion.breaks > start) & (motion.breaks < end)]
-    breaks = np.concatenate([[start], inner_breaks, [end]])
+    first = np.searchsorted(motion.breaks, start, "right")
+    last = np.searchsorted(motion.breaks, end)
+    breaks = np.concatenate([[start], motion.breaks[first:last], [end]])
     count = CONSTANT_SPEED_INSTANTS if promise.speed else PIECE_INSTANTS
     shares = np.arange(count) / count
     t = np.append(breaks[:-1, None] + shares * np.diff(breaks)[:, None], end)

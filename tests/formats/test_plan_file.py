@@ -219,7 +219,7 @@ HOSTILE = (
 )
 
 
-@pytest.mark.parametrize("batch", [1, 2, 10_000])
+@pytest.mark.parametrize("batch", [1, 300, 1_000_000])
 def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int
 ) -> None:
@@ -228,12 +228,14 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
         {key: plan.to_dict()[key] for key in ("format", "version", "trajectory")}, indent=1
     ).encode()
     path, rng = tmp_path / "plan.json", np.random.default_rng(batch)
-    monkeypatch.setattr("ssm_planner.loading.json_files.BATCH_ENTRIES", batch)
+    monkeypatch.setattr("ssm_planner.loading.json_files.BATCH_BYTES", batch)
 
     def read(in_parts: int) -> object:
         monkeypatch.setattr("ssm_planner.loading.json_files.PARTIAL_READ_BYTES", in_parts)
         try:
-            document, sha256 = read_json_in_parts(path, 10**9, ("trajectory", "coefficients"))
+            document, sha256 = read_json_in_parts(
+                path, 10**9, ("trajectory", "coefficients"), (6, 4)
+            )
             return sha256, Trajectory.from_dict(document["trajectory"]).to_dict()
         except (TrajectoryError, KeyError, TypeError):
             return None  # The last two errors mean that the content is not a plan.
@@ -271,7 +273,7 @@ def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("ssm_planner.loading.json_files.PARTIAL_READ_BYTES", 0)
-        patch.setattr("ssm_planner.loading.json_files.BATCH_ENTRIES", 64)
+        patch.setattr("ssm_planner.loading.json_files.BATCH_BYTES", 2**14)
         for module in ("trajectory", "verification.certificate"):
             patch.setattr(f"ssm_planner.{module}.PIECES_PER_BLOCK", 1024)
         assert peak(12_000) - peak(4_000) < 8_000 * 600
