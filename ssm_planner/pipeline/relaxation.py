@@ -357,6 +357,8 @@ class _RelaxationSearch:
 
         A bisection with the faster function `feasible` comes first. A second bisection with the
         function `plan` starts from its result, because the change must suffice for a complete plan.
+        Each ends when the largest share without a motion is at least `BISECTION_ACCURACY` times the
+        smallest share with a motion, or when the work budget is spent.
 
         Parameters
         ----------
@@ -374,77 +376,52 @@ class _RelaxationSearch:
         TriedRelaxation
             The smallest change that gives a motion, or the last one that was tried.
         """
-        lower, upper, attempt = self._bisect_share(
-            relaxation, shares, lower, self.feasible, stop_if
-        )
-        if attempt.works and self.plan is not self.feasible:
-            remaining = [upper, *(share for share in shares if share > upper)]
-            _, _, attempt = self._bisect_share(relaxation, remaining, lower, self.plan, stop_if)
-        return attempt
+        # dict.fromkeys leaves one function if both are the same.
+        for plan in dict.fromkeys((self.feasible, self.plan)):
+            for upper in shares:
+                result = self._attempt(relaxation, upper, plan)
+                if result.works or not self.has_budget or stop_if(result):
+                    break
+                lower = upper
+            while result.works and self.has_budget and lower < BISECTION_ACCURACY * upper:
+                # The first change is usually nearly the smallest one. A share a little below it
+                # then ends the bisection at once.
+                middle = (lower + upper) / 2 if lower else BISECTION_ACCURACY * upper
+                trial = self._attempt(relaxation, middle, plan)
+                if trial.works:
+                    result, upper = trial, middle
+                else:
+                    lower = middle
+            if not result.works:
+                break
+            shares = [upper, *(share for share in shares if share > upper)]
+        return result
 
-    def _bisect_share(
-        self,
-        relaxation: Relaxation,
-        shares: Sequence[float],
-        lower: float,
-        plan: Planner,
-        stop_if: Callable[[TriedRelaxation], bool],
-    ) -> tuple[float, float, TriedRelaxation]:
-        """Find the smallest share of a relaxation that gives a motion, by bisection.
-
-        A relaxation is a change of a limit, and a share is a part of the full change. The bisection
-        ends when the largest share without a motion is at least `BISECTION_ACCURACY` times the
-        smallest share with a motion, or when the work budget is spent.
+    def _attempt(self, relaxation: Relaxation, share: float, plan: Planner) -> TriedRelaxation:
+        """Plan a problem with a share of a change of a limit, and count the work of the trial.
 
         Parameters
         ----------
         relaxation : Relaxation
             The change.
-        shares : sequence of float
-            Increasing shares of the full change, tried in turn until one gives a motion.
-        lower : float
-            A share below all of these, which does not suffice.
+        share : float
+            Share of the full change.
         plan : callable
             Function that plans a problem. It returns the duration of the motion in s, or a reason.
-        stop_if : callable
-            Function that receives a failed attempt. It returns True if larger shares cannot help.
 
         Returns
         -------
-        lower : float
-            The largest share without a motion.
-        upper : float
-            The smallest share with a motion, or the last one that was tried.
-        attempt : TriedRelaxation
-            The change by the share `upper` with its outcome.
+        TriedRelaxation
+            The change by this share, with its outcome.
         """
-
-        def attempt(share: float) -> TriedRelaxation:
-            """Plan the problem with a share of the change, and count the work of the trial."""
-            self.work.spent += TRIAL_WORK
-            value = relaxation.value(share)
-            try:
-                outcome = plan(relaxation.problem(value))
-            # The problem forbids the change. For example, TOPP-RA cannot plan for a given duration.
-            except ProblemError as error:
-                outcome = Reason(message=str(error))
-            return TriedRelaxation(relaxation, value, outcome)
-
-        for upper in shares:
-            result = attempt(upper)
-            if result.works or not self.has_budget or stop_if(result):
-                break
-            lower = upper
-        while result.works and self.has_budget and lower < BISECTION_ACCURACY * upper:
-            # The first change is usually nearly the smallest one. A share a little below it then
-            # ends the bisection at once.
-            middle = (lower + upper) / 2 if lower else BISECTION_ACCURACY * upper
-            trial = attempt(middle)
-            if trial.works:
-                result, upper = trial, middle
-            else:
-                lower = middle
-        return lower, upper, result
+        self.work.spent += TRIAL_WORK
+        value = relaxation.value(share)
+        try:
+            outcome = plan(relaxation.problem(value))
+        # The problem forbids the change. For example, TOPP-RA cannot plan for a given duration.
+        except ProblemError as error:
+            outcome = Reason(message=str(error))
+        return TriedRelaxation(relaxation, value, outcome)
 
     def smallest_change_of_limit(self, relaxation: Relaxation) -> TriedRelaxation | None:
         """Find the smallest change of one limit that gives a motion.

@@ -576,18 +576,13 @@ def _plan_check_and_cool(
         The motion with its certificate, and with a reason if it failed the check. Without a motion,
         only the reason.
     """
-
-    def plan_cooler(candidate: Problem, weights: Array) -> Outcome:
-        """Plan and check a problem with weights (4,) of the motors' heat in the objective."""
-        return plan_and_check(candidate, work, cooling=weights)
-
     outcome = plan_and_check(problem, work, progress, on_motion, may_overheat=may_overheat)
     # `excess_heat` is None if the motion exceeds other limits too. Less heat does not help then.
     too_hot = outcome.hot_joints and outcome.excess_heat is not None
     if not too_hot or check_thermal_bound(problem) is not None:
         return outcome
     progress(Step("slowing down because a motor gets too hot"))
-    return ThermalSearch(problem, outcome, plan_cooler).run() or outcome
+    return ThermalSearch(problem, outcome, work).run() or outcome
 
 
 def _duration_or_reason(

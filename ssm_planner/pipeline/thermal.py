@@ -29,10 +29,11 @@ from functools import partial
 
 import numpy as np
 
-from ssm_planner.pipeline.certified import Outcome, check_result
+from ssm_planner.pipeline.certified import Outcome, check_result, plan_and_check
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.planner import join_phases, with_duration
 from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, GAP
+from ssm_planner.planning.work import Work
 from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked_copy
 from ssm_planner.typing import Array
 
@@ -70,11 +71,8 @@ class ThermalSearch:
     """The problem."""
     initial: Outcome
     """The motion that was planned without any weight of heat."""
-    plan: Callable[[Problem, Array], Outcome]
-    """Function that plans and checks a problem with weights (4,) of the motors' heat.
-
-    A weight is the duration in s that is worth one second of the motor at its continuous torque.
-    """
+    work: Work
+    """Counter of the computational work, to which the search adds."""
 
     def __post_init__(self) -> None:
         """Set the state of the search to the initial motion."""
@@ -138,7 +136,8 @@ class ThermalSearch:
         Outcome
             The motion with its certificate, or the reason of the failure.
         """
-        outcome = self.plan(problem, self._hot_weights(multiplier / (1 - multiplier)))
+        weights = self._hot_weights(multiplier / (1 - multiplier))
+        outcome = plan_and_check(problem, self.work, cooling=weights)
         self.hot |= outcome.hot_joints
         candidates = (self.best, (multiplier, outcome))
         self.best = min(candidates, key=lambda item: self._duration_with_rest(item[1]))
@@ -206,7 +205,8 @@ class ThermalSearch:
             return self._check_slower_phases(base, list(map(_may_take_longer, phases)), 1 + share)
         durations = [(1 + share) * phase.duration for phase in phases]
         motion = tuple(map(with_duration, problem.motion, durations))
-        outcome = self.plan(unchecked_copy(problem, motion=motion), self._hot_weights(1.0))
+        slower_problem = unchecked_copy(problem, motion=motion)
+        outcome = plan_and_check(slower_problem, self.work, cooling=self._hot_weights(1.0))
         # The search has chosen the durations, not the user. The lower bounds must therefore be
         # those of the phases without prescribed durations.
         bounds = zip(outcome.planned.phases, phases, strict=False)

@@ -19,10 +19,10 @@ from ssm_planner.planning.motor_strength import check_motor_torque, explain_fail
 from ssm_planner.planning.ocp.free import find_best_free, solve_free
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.ocp.nlp import Method
-from ssm_planner.planning.ocp.straight import solve_straight
+from ssm_planner.planning.ocp.straight import retimed_polynomials, solve_straight
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planned_phase import PlannedPhase
-from ssm_planner.planning.postprocess import GRID_MARGIN, limit_stop_travel, plan_by_toppra
+from ssm_planner.planning.postprocess import GRID_MARGIN, limit_stop_travel
 from ssm_planner.planning.reason import Reason, constant_speed_reason, short_duration_reason
 from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import FAILURE, holds_tip_speed, retime
@@ -128,7 +128,7 @@ class PhasePlanner:
         # A spline that is not divided into its cubic pieces is left to TOPP-RA.
         is_table = isinstance(path, SplinePath) and not path.pieces
         if self.problem.planner == "toppra" or is_table or rated:
-            return plan_by_toppra(self.phase, self.strict, path)
+            return self._by_toppra(path)
         return self._by_optimal_control(path)
 
     def free(
@@ -307,7 +307,7 @@ class PhasePlanner:
             return retiming.solved and holds_tip_speed(retiming, path, limit_speed)
 
         if is_feasible(speed):
-            return plan_by_toppra(with_tip_speed(speed).phase, self.strict, path)
+            return with_tip_speed(speed)._by_toppra(path)
         # The tip can keep the speed `slow`, and not the speed `fast`.
         slow, fast = 0.0, speed
         while fast - slow > GAP * speed:
@@ -348,8 +348,29 @@ class PhasePlanner:
         )
         result = self.phase_result(path, self._solve(solve))
         if isinstance(result, Reason) and self._toppra_suffices(path):
-            return plan_by_toppra(self.phase, self.strict, path)
+            return self._by_toppra(path)
         return result
+
+    def _by_toppra(self, path: JointPath) -> PlannedPhase | Reason:
+        """Return the fastest motion along a path, timed by TOPP-RA without optimal control.
+
+        Parameters
+        ----------
+        path : JointPath
+            Joint path q(s) with the path parameter s from 0 to 1.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why TOPP-RA found none.
+        """
+        robot, speeds = with_margin(self.strict, GRID_MARGIN), self.phase.speeds_along(path)
+        retiming = retime(path, robot, self.problem.task_limits, speeds)
+        if not retiming.solved:
+            return explain_failure(self.phase, path, FAILURE)
+        pieces = retimed_polynomials(path, retiming, speeds[1])
+        motion = PhaseSolution("solved", "", 0, *pieces, solver="TOPP-RA")
+        return PlannedPhase(self.phase, motion, self.phase.lower_bound)
 
     def _toppra_suffices(self, path: JointPath) -> bool:
         """Return True if TOPP-RA alone may time the path.

@@ -1,8 +1,7 @@
-"""Motions whose timing TOPP-RA alone computes.
+"""Changes of a motion after its optimisation.
 
-TOPP-RA finds the fastest timing of a given path. `plan_by_toppra` times a path without optimal
-control. `limit_stop_travel` slows a free motion down until the tip can stop within the allowed
-distance from every instant.
+`limit_stop_travel` slows a free motion down until the tip can stop within the allowed distance from
+every instant. TOPP-RA computes the fastest such timing of its path.
 """
 
 from dataclasses import replace
@@ -10,52 +9,18 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.elements.rows import with_margin
-from ssm_planner.planning.motor_strength import explain_failure
 from ssm_planner.planning.ocp.motion import PhaseSolution
-from ssm_planner.planning.ocp.straight import retimed_polynomials
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.planned_phase import PlannedPhase
-from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
-from ssm_planner.planning.retiming.paths import MIN_GRID_INTERVALS, JointPath, MotionPath
-from ssm_planner.planning.retiming.retime import FAILURE, retime, retime_motion, retimed_trajectory
+from ssm_planner.planning.retiming.paths import MIN_GRID_INTERVALS, MotionPath
+from ssm_planner.planning.retiming.retime import FAILURE, retime_motion, retimed_trajectory
 from ssm_planner.problem import Robot
 
-TOPPRA_SOLVER = "TOPP-RA"
-"""Name of the solver in the results, for a motion that TOPP-RA timed."""
 GRID_MARGIN = 2e-5
 """Relative margin that TOPP-RA's motion keeps from the limits.
 
 TOPP-RA enforces the limits only at its grid points. The margin covers the excess between them.
 """
-
-
-def plan_by_toppra(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase | Reason:
-    """Return the fastest motion along a path, timed by TOPP-RA without optimal control.
-
-    Parameters
-    ----------
-    phase : Phase
-        The phase (entry of the motion list with its joint positions), with the velocities at both
-        ends.
-    strict : Robot
-        The robot with the limits that the motion must keep.
-    path : JointPath
-        Joint path q(s) with the path parameter s from 0 to 1.
-
-    Returns
-    -------
-    PlannedPhase or Reason
-        The phase with its motion, or the reason why TOPP-RA found none.
-    """
-    robot = with_margin(strict, GRID_MARGIN)
-    speeds = phase.speeds_along(path)
-    retiming = retime(path, robot, phase.problem.task_limits, speeds)
-    if not retiming.solved:
-        return explain_failure(phase, path, FAILURE)
-    pieces = retimed_polynomials(path, retiming, speeds[1])
-    motion = PhaseSolution("solved", "", 0, *pieces, solver=TOPPRA_SOLVER)
-    return PlannedPhase(phase, motion, phase.lower_bound)
 
 
 def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> PhaseSolution:

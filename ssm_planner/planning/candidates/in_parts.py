@@ -7,6 +7,7 @@ A free motion is one whose path the planner chooses. `InTurn` moves some joints 
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 from itertools import product
 from typing import ClassVar
 
@@ -173,15 +174,24 @@ class InTurn(InParts):
         points = np.unique(
             np.vstack([start + share * displacements for share in DISPLACEMENT_SHARES]), axis=0
         )
-        orders = [
-            cls(planner, point) for point in points if _are_feasible(_split_phase(phase, point))
-        ]
+        orders = [cls(planner, point) for point in points]
+        orders = [order for order in orders if _are_feasible(order.parts)]
         yield from sorted(orders, key=lambda order: order.bound)[:MAX_ORDERS]
+
+    @cached_property
+    def parts(self) -> tuple[Phase, Phase]:
+        """Parts of the phase before and after the rest.
+
+        The first part ends at rest. The second part begins at rest and ends as the phase does.
+        """
+        phase = self.planner.phase
+        first = phase.from_rest(np.stack([phase.points[0], self.between]), to_end=False)
+        return first, phase.from_rest(np.stack([self.between, phase.points[1]]))
 
     @property
     def bound(self) -> float:
         """Duration that no motion with a rest at `between` can beat, s."""
-        return sum(part.lower_bound for part in _split_phase(self.planner.phase, self.between))
+        return sum(part.lower_bound for part in self.parts)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Plan the motions of both parts, and join them into one.
@@ -198,32 +208,9 @@ class InTurn(InParts):
         PlannedPhase or Reason
             The phase (entry of the motion list) with its motion, or the reason why a part has none.
         """
-        first, last = _split_phase(self.planner.phase, self.between)
+        first, last = self.parts
         result = self._plan_part(first)
         return result if isinstance(result, Reason) else self._append_part(result.motion, last)
-
-
-def _split_phase(phase: Phase, between: Array) -> tuple[Phase, Phase]:
-    """Split a phase into two parts with a rest between them.
-
-    The first part ends at rest. The second part begins at rest and ends as the phase does.
-
-    Parameters
-    ----------
-    phase : Phase
-        An entry of the motion list whose path the planner chooses, so that it may pass any
-        position.
-    between : (4,) array
-        Joint positions at the rest between the parts, rad and m.
-
-    Returns
-    -------
-    tuple of two Phase
-        The parts in the order of time.
-    """
-    start, end = phase.points
-    first = phase.from_rest(np.stack([start, between]), to_end=False)
-    return first, phase.from_rest(np.stack([between, end]))
 
 
 def _are_feasible(parts: tuple[Phase, Phase]) -> bool:

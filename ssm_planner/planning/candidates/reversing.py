@@ -63,14 +63,17 @@ class Reversing(PhaseCandidate):
         PhaseCandidate
             At most one candidate, that is, one way to move the phase.
         """
-        if latest is None or latest.candidate.kind != "direct" or not _applies(planner):
+        phase = planner.phase
+        passes_or_rests = len(phase.points) > 2 or phase.begins_and_ends_at_rest
+        applies = planner.may_reverse and isinstance(phase.motion, Free) and passes_or_rests
+        if latest is None or latest.candidate.kind != "direct" or not applies:
             return
         if latest.failed is not None:
             if isinstance(latest.failed.limit, Duration):
                 yield cls(planner, None)
         elif latest.estimate is not None and latest.result is None:
             direct = latest.estimate
-            saving = MIN_SAVING if len(planner.phase.points) > 2 else GAP
+            saving = MIN_SAVING if len(phase.points) > 2 else GAP
             if (1 - saving) * direct.duration > direct.lower_bound:
                 yield cls(planner, direct.motion)
 
@@ -156,20 +159,3 @@ class Reversing(PhaseCandidate):
             return self._reverse_beside_points()
         borders = borders_at_reversals(self.planner.phase, estimate.motion)
         return self.planner.free(borders, count=2 * DEFAULT_ELEMENTS)
-
-
-def _applies(planner: PhasePlanner) -> bool:
-    """Return True if the search for additional reversals applies to a phase.
-
-    Three conditions must hold. The planner permits additional reversals. The motion is free, which
-    means that the planner chooses its path. The motion has via points, or it begins and ends at
-    rest.
-
-    Parameters
-    ----------
-    planner : PhasePlanner
-        The phase (an entry of the motion list with its joint positions) and its solvers.
-    """
-    phase = planner.phase
-    passes_or_rests = len(phase.points) > 2 or phase.begins_and_ends_at_rest
-    return planner.may_reverse and isinstance(phase.motion, Free) and passes_or_rests
