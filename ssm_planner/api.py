@@ -15,11 +15,11 @@ from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats import read_trajectory
 from ssm_planner.loading import load_motor
 from ssm_planner.plans import Plan, as_plan
-from ssm_planner.problem import Motor, Robot, TaskLimits
+from ssm_planner.problem import Motor, Robot, TaskLimits, check_mapping, field_hints
 from ssm_planner.publishing import PLAN_FILE
 from ssm_planner.sizing import Conditions, DutyCycle, Sizing, pause_after_motion
 from ssm_planner.sizing.size import size as size_duty
-from ssm_planner.stopping import INSTANTS, Stops
+from ssm_planner.stopping import INSTANTS, MAX_INSTANTS, Stops
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification import DEFAULT_SLOWEST_SPEED, Certificate, SpeedRange, check_slower
 from ssm_planner.verification import check as checking
@@ -166,8 +166,9 @@ def controlled_stops(
     >>> stops.passed, stops.duration.shape
     (True, (100,))
     """
-    if instants < 1:
-        raise ProblemError("no instants", key="instants", value=instants, allowed="at least 1")
+    if not 1 <= instants <= MAX_INSTANTS:
+        allowed = f"at least 1 and at most {MAX_INSTANTS}"
+        raise ProblemError("invalid number", key="instants", value=instants, allowed=allowed)
     return stopping.controlled_stops(*_motion_to_check(motion, robot, limits), instants)
 
 
@@ -223,6 +224,7 @@ def size(
         ]
     name = motion.problem.name if isinstance(plan, Plan) else str(plan)
     duty = DutyCycle.of_trajectory(motion.motion, motion.robot, name)
+    check_mapping(conditions, tuple(field_hints(Conditions)), "size")
     conditions.setdefault("pause", pause_after_motion(motion.problem))
     return size_duty(duty, candidates, Conditions(**conditions), payload)
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.arguments import checked
+from ssm_planner.arguments import check_methods, checked
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
@@ -292,6 +292,7 @@ BINDING_MARGIN = 0.01
 """Relative margin below which a limit of `LIMITS_IGNORED_BY_TOPPRA` can slow a motion down."""
 
 
+@check_methods
 @record
 class Plan:
     """Planned motion with its certificate, or the reason for a failure, in SI units and radians.
@@ -451,11 +452,16 @@ class Plan:
         ------
         TrajectoryError
             If the plan lacks a trajectory.
+        ProblemError
+            If `axes` are not axes of matplotlib.
         """
+        from matplotlib import axes as types_of_axes
         from matplotlib import pyplot
 
         samples = self.motion.uniform(PLOT_RATE)
-        axes = axes or pyplot.gca()
+        axes = pyplot.gca() if axes is None else axes
+        if not isinstance(axes, types_of_axes.Axes):
+            raise ProblemError("no axes", key="axes", value=axes, allowed="matplotlib Axes")
         for joint, values in zip(self.robot.joints, samples.q.T, strict=True):
             unit, scale = display_unit(joint.unit)
             axes.plot(samples.t, scale * values, label=f"{joint.name} ({unit})")

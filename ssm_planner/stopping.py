@@ -13,6 +13,9 @@ from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification import Certificate, StopMotions, check_stops, quickest_stops
 from ssm_planner.verification.stops import INSTANTS as INSTANTS
 
+MAX_INSTANTS = 100_000
+"""Largest number of instants, whose motions need some gigabytes."""
+
 
 @record
 class Stops:

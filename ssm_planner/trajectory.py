@@ -5,6 +5,8 @@ many times. The main class is `Trajectory`. The functions at the end of the modu
 polynomial coefficients from the states at the ends of a piece, and join phases to a trajectory.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
@@ -12,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ssm_planner.arguments import check_methods
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.representation import data_frame, html_table
 from ssm_planner.typing import Array, Indices, JsonObject, frozen, record
@@ -29,6 +32,8 @@ The derivatives of larger terms overflow.
 """
 PIECES_PER_BLOCK = 65_536
 """Number of pieces that are evaluated together, which bounds the memory in use."""
+LARGEST_SAMPLE_COUNT = 10_000_000
+"""Largest number of samples of a motion, whose arrays need about 1.5 GB."""
 TIME_ROUNDING = 1e-9
 """Rounding error by which a time may lie outside the trajectory.
 
@@ -98,6 +103,7 @@ class Samples:
         return data_frame(columns)
 
 
+@check_methods
 @record
 class Trajectory:
     """Joint motion of m polynomial pieces: q(t) = Σ_k coefficients[i, k] (t − breaks[i])^k.
@@ -134,8 +140,10 @@ class Trajectory:
     coefficients: Array
     phases: tuple[Span, ...]
 
+    _array_error = TrajectoryError
+
     def __post_init__(self) -> None:
-        pieces = len(self.breaks) - 1
+        pieces = self.breaks.size - 1
         if pieces < 1 or self.coefficients.shape != (pieces, DEGREE + 1, 4):
             raise TrajectoryError(
                 f"a trajectory of {pieces} pieces needs coefficients of shape "
@@ -195,7 +203,7 @@ class Trajectory:
     @classmethod
     def from_samples(
         cls, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None
-    ) -> "Trajectory":
+    ) -> Trajectory:
         """Interpolate samples of a joint motion.
 
         Parameters
@@ -299,7 +307,28 @@ class Trajectory:
         TrajectoryError
             If a time is NaN, or if `clamp` is false and a time lies outside the trajectory.
         """
+        times = self._clipped_times(t, clamp)
+        index = self.piece_of(times, side)
+        return self.sample_pieces(index, times - self.breaks[index])
+
+    def _clipped_times(self, t: ArrayLike, clamp: bool = False) -> Array:
+        """Return times as an array (n,), and replace those outside the trajectory by its ends.
+
+        Parameters
+        ----------
+        t : (n,) array or float
+            Times (s).
+        clamp : bool
+            True to accept any time. Otherwise, a time may lie outside by `TIME_ROUNDING`.
+
+        Raises
+        ------
+        TrajectoryError
+            If the shape is wrong, a time is NaN, or a time lies outside.
+        """
         times = np.atleast_1d(np.asarray(t, dtype=float))
+        if times.ndim != 1:
+            raise TrajectoryError(f"t has shape {times.shape}: must be one time, or (n,)")
         start, end = self.breaks[[0, -1]]
         clipped = np.clip(times, start, end)
         distance = np.abs(times - clipped)
@@ -309,8 +338,7 @@ class Trajectory:
                 f"t = {times[distance.argmax()]:g} s is not between {start:g} s and {end:g} s, "
                 "the first and the last time of this trajectory"
             )
-        index = self.piece_of(clipped, side)
-        return self.sample_pieces(index, clipped - self.breaks[index])
+        return clipped
 
     def sample_pieces(self, index: Indices, local: Array) -> Samples:
         """Evaluate the motion and its first three derivatives within given pieces.
@@ -344,7 +372,13 @@ class Trajectory:
         -------
         (n, 4) array
             Joint positions, rad for joints 1 to 3 and m for joint 4.
+
+        Raises
+        ------
+        TrajectoryError
+            If a time lies outside the trajectory.
         """
+        t = self._clipped_times(t)
         q = np.empty((len(t), 4), order="F")  # the order of the results of `_derivatives`
         for block in blocks(len(t), PIECES_PER_BLOCK):
             index = self.piece_of(t[block])
@@ -398,7 +432,17 @@ class Trajectory:
         -------
         Samples
             Motion at the times start, start + 1/rate, … and end.
+
+        Raises
+        ------
+        TrajectoryError
+            If the rate is not above 0, or gives more than `LARGEST_SAMPLE_COUNT` samples.
         """
+        if not 0 < rate <= LARGEST_SAMPLE_COUNT / self.duration:
+            raise TrajectoryError(
+                f"rate = {rate:g} Hz: no sampling rate for {self.duration:g} s "
+                f"(allowed: above 0, for at most {LARGEST_SAMPLE_COUNT:,} samples)"
+            )
         # The factor compensates for rounding if the duration is a multiple of the interval.
         count = int(np.floor(self.duration * rate * (1 + 1e-12)))
         t = self.breaks[0] + np.arange(count + 1) / rate
@@ -407,7 +451,7 @@ class Trajectory:
         t[-1] = self.breaks[-1]
         return self.sample(t)
 
-    def slower(self, speed: float) -> "Trajectory":
+    def slower(self, speed: float) -> Trajectory:
         """Return the motion along the same path at a constant fraction of its speed.
 
         The position at the time t is that of the original motion at start + speed · (t − start).
@@ -422,7 +466,14 @@ class Trajectory:
         -------
         Trajectory
             The slower motion with the same phases.
+
+        Raises
+        ------
+        TrajectoryError
+            If the speed is not above 0, or if the slower motion takes too long.
         """
+        if not 0 < speed < np.inf:
+            raise TrajectoryError(f"speed = {speed:g}: no speed of a motion (allowed: above 0)")
         start = self.breaks[0]
 
         def later(time: Any) -> Any:
@@ -467,7 +518,7 @@ class Trajectory:
         yield f'], "phases": {json.dumps(self._spans())}}}'
 
     @classmethod
-    def from_dict(cls, data: JsonObject) -> "Trajectory":
+    def from_dict(cls, data: JsonObject) -> Trajectory:
         """Build a trajectory from the result of `to_dict`.
 
         Parameters

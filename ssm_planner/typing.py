@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import dataclass_transform
 
+from ssm_planner.arguments import check_methods
 from ssm_planner.representation import short_repr
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ C = TypeVar("C")
 
 
 def _immutable(cls: type[C], **options: bool) -> type[C]:
-    """Make a class an immutable dataclass whose instances have short texts.
+    """Make a class an immutable dataclass with short texts, whose methods check their arguments.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def _immutable(cls: type[C], **options: bool) -> type[C]:
         Further arguments of `dataclasses.dataclass`.
     """
     cls.__repr__ = short_repr  # type: ignore[method-assign]
-    return dataclass(frozen=True, repr=False, **options)(cls)
+    return dataclass(frozen=True, repr=False, **options)(check_methods(cls))
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))

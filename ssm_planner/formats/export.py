@@ -30,7 +30,7 @@ from ssm_planner.publishing import (
     file_hashes,
     publishing,
 )
-from ssm_planner.stopping import controlled_stops
+from ssm_planner.stopping import MAX_INSTANTS, controlled_stops
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import JsonObject, Keywords
 from ssm_planner.verification import Certificate, check_slower, with_seal
@@ -87,7 +87,7 @@ def export(
     ExportError
         If the plan does not pass, or if an option is invalid for the format.
     ProblemError
-        If the speed is out of range.
+        If the speed is out of range, or if an option does not have the type that the format needs.
 
     Examples
     --------
@@ -109,8 +109,10 @@ def export(
                 f"{', '.join(form.options) or 'no options'}; formats with {name}: "
                 f"{', '.join(formats) or 'none'})"
             )
-    if stops is not None and stops < 1:
-        raise ExportError(f"stops = {stops} is out of range (allowed: 1 or more)")
+    if stops is not None and not 1 <= stops <= MAX_INSTANTS:
+        raise ExportError(
+            f"stops = {stops} is out of range (allowed: 1 or more, up to {MAX_INSTANTS})"
+        )
     source = as_plan(plan, robot)
     certificate, is_verified = recheck_plan(source, force)
     if speed != 1.0:
@@ -120,7 +122,7 @@ def export(
     write = pkgutil.resolve_name(form.writer)
     folder = Path(path) if path is not None else source.path.parent / to
     with publishing(folder) as temporary:
-        details = write(source, certificate, temporary, suffix, **options)
+        details = checked(write)(source, certificate, temporary, suffix, **options)
         if speed != 1.0:
             details["speed"] = speed
         if stops is not None:

@@ -157,8 +157,9 @@ def retiming_problem(
         If the path does not move or has too many points.
     """
     q = _points(path) if isinstance(path, Reading) else check_rows("path", path, 4)
-    if len(q) > MAX_GRID_INTERVALS:
-        raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MAX_GRID_INTERVALS}")
+    if not 1 <= len(q) <= MAX_GRID_INTERVALS:
+        allowed = f"at least 1 and at most {MAX_GRID_INTERVALS}"
+        raise ProblemError(f"{len(q)} points", key="path", allowed=allowed)
     low, high = np.array([joint.position for joint in robot.joints]).T
     clipped = np.clip(q, low, high)
     # Recorded points may lie outside of the range by rounding errors, which must not be an error.

@@ -18,7 +18,7 @@ from threading import RLock
 
 import numpy as np
 
-from ssm_planner.arguments import checked
+from ssm_planner.arguments import check_methods, checked
 from ssm_planner.deprecation import renamed_arguments
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import Mechanism, task_from_joints, task_rates
@@ -200,6 +200,7 @@ def _with_relaxation(
     return replace(reason, relaxation=attempt.text)
 
 
+@check_methods
 @frozen
 class Replanner:
     """Planner for one problem with changing starts and targets, for control loops and studies.

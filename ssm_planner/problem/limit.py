@@ -19,6 +19,8 @@ from ssm_planner.units import display_unit
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from ssm_planner.problem.problem import Problem, TaskLimits
+
 TIGHTENING_FACTOR = 1.5
 """Ratio of the amount by which a bound is tightened to the amount by which it was exceeded."""
 MESSAGE_DIGITS = 6
@@ -26,8 +28,9 @@ MESSAGE_DIGITS = 6
 CONVERSION_TOLERANCE = 1e-12
 """Relative error that a value may have after its conversion to another unit."""
 
-P = TypeVar("P")
-"""A Problem. Its module imports this one, so the class is not available for annotations."""
+F = TypeVar("F")
+P = TypeVar("P", bound="Problem | TaskLimits")
+"""A Problem or TaskLimits. Their module imports this one, so only type checkers import it."""
 
 
 @frozen
@@ -233,9 +236,8 @@ class SymmetricLimit(Limit):
 
         The factor is at most 1, and it is never 0, however large the excess is.
         """
-        return replace_fields(
-            self, largest=self.largest * min(abs(bound / worst), 1.0) ** TIGHTENING_FACTOR
-        )
+        factor = abs(bound) / max(abs(bound), abs(worst))
+        return replace_fields(self, largest=self.largest * factor**TIGHTENING_FACTOR)
 
     def relaxed(self, value: float) -> "Self | None":
         return replace_fields(self, largest=max(self.largest, abs(value)))
@@ -272,7 +274,7 @@ class RangeLimit(Limit):
         return replace_fields(self, lower=min(self.lower, value), upper=max(self.upper, value))
 
 
-def replace_fields(value: P, **changes: Any) -> P:
+def replace_fields(value: F, **changes: Any) -> F:
     """Return dataclasses.replace(value, **changes), without a static check of the type.
 
     The module cannot import the type of the value, because the module of that type imports this

@@ -5,7 +5,7 @@ three types: Task (task coordinates), Joints (joint positions) and Tip (position
 `Motorisation` contains strokes of single joints, for which motors are sized without a plan.
 """
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.problem.limits import TASK_COORDINATES
@@ -87,8 +87,8 @@ class Joints(Value):
     @classmethod
     def from_array(cls, q: Array) -> "Joints":
         """Return the point with the joint positions (4,) in an array, rad and m for joint 4."""
-        roll, tilt, spin, insertion = q.tolist()
-        return cls((roll, tilt, spin, insertion))
+        positions: Any = q
+        return cls(positions)
 
 
 @record

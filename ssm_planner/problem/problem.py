@@ -13,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
+from ssm_planner.arguments import check_methods
 from ssm_planner.deprecation import Renamed
 from ssm_planner.problem.limits import (
     TASK_COORDINATES,
@@ -206,6 +207,7 @@ def _format_range(name: str, ends: Range) -> str:
     return f"{_format_coordinate(name, ends[0])} to {_format_coordinate(name, ends[1])}"
 
 
+@check_methods
 @record
 class TaskLimits(Limited):
     """Limits on the pose and speed of the tool in addition to those of the joints.

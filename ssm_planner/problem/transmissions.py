@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated, ClassVar
 
+from ssm_planner.arguments import check_methods
 from ssm_planner.problem.drive_geometry import (
     SCREW_FAMILY,
     WORM_FAMILY,
@@ -29,6 +30,7 @@ LARGEST_THREAD_ANGLE = math.radians(120)
 """Largest plausible angle between the flanks of a thread, rad."""
 
 
+@check_methods
 class Transmission:
     """Base class of the kinds of drives. The class itself represents the kind.
 

@@ -17,10 +17,12 @@ import typing
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import pairwise
+from numbers import Real
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
 
+from ssm_planner.arguments import check_methods
 from ssm_planner.errors import ProblemError, suggestion
 from ssm_planner.typing import Array, JsonObject, Range, frozen
 
@@ -123,6 +125,9 @@ class Value:
     ProblemError
         If a field is invalid. The error states type, field, value and allowed values.
     """
+
+    def __init_subclass__(cls) -> None:
+        check_methods(cls)
 
     def __post_init__(self) -> None:
         cls: Any = type(self)
@@ -386,7 +391,8 @@ def convert_value(hint: Any, value: Any, location: str, build: bool = False) -> 
     if origin is typing.Union or origin is types.UnionType:
         return _convert_union(arguments, value, location, build)
     if origin is Literal:
-        if isinstance(value, bool) or value not in arguments:
+        is_scalar = isinstance(value, (str, Real)) and not isinstance(value, bool)
+        if not is_scalar or value not in arguments:
             raise wrong_type_error(location, value, " or ".join(map(str, arguments)))
         return arguments[arguments.index(value)]
     if origin is tuple:
