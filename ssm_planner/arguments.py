@@ -16,7 +16,6 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import (
     Any,
-    ForwardRef,
     Literal,
     ParamSpec,
     TypeVar,
@@ -28,7 +27,6 @@ from typing import (
 
 import numpy as np
 
-import ssm_planner
 from ssm_planner.errors import GeometryError, ProblemError, SsmPlannerError
 
 P = ParamSpec("P")
@@ -56,7 +54,7 @@ class _Names(dict[str, Any]):
     """
 
     def __missing__(self, name: str) -> Any:
-        return getattr(builtins, name, None) or getattr(ssm_planner, name, object)
+        return getattr(builtins, name, None) or getattr(sys.modules["ssm_planner"], name, object)
 
 
 def checked(
@@ -214,8 +212,6 @@ def _matches(hint: Any, value: Any) -> bool:
     bool
         True if the value is accepted.
     """
-    if isinstance(hint, TypeVar) and isinstance(hint.__bound__, ForwardRef):
-        hint = eval(hint.__bound__.__forward_arg__, {}, _Names())
     value_type = get_origin(hint) or hint
     arguments = get_args(hint)
     if value_type in (Union, types.UnionType):

@@ -19,8 +19,6 @@ from ssm_planner.units import display_unit
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from ssm_planner.problem.problem import Problem, TaskLimits
-
 TIGHTENING_FACTOR = 1.5
 """Ratio of the amount by which a bound is tightened to the amount by which it was exceeded."""
 MESSAGE_DIGITS = 6
@@ -28,9 +26,8 @@ MESSAGE_DIGITS = 6
 CONVERSION_TOLERANCE = 1e-12
 """Relative error that a value may have after its conversion to another unit."""
 
-F = TypeVar("F")
-P = TypeVar("P", bound="Problem | TaskLimits")
-"""A Problem or TaskLimits. Their module imports this one, so only type checkers import it."""
+P = TypeVar("P")
+"""A Problem. Its module imports this one, so the class is not available for annotations."""
 
 
 @frozen
@@ -274,7 +271,7 @@ class RangeLimit(Limit):
         return replace_fields(self, lower=min(self.lower, value), upper=max(self.upper, value))
 
 
-def replace_fields(value: F, **changes: Any) -> F:
+def replace_fields(value: P, **changes: Any) -> P:
     """Return dataclasses.replace(value, **changes), without a static check of the type.
 
     The module cannot import the type of the value, because the module of that type imports this
