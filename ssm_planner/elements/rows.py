@@ -11,7 +11,7 @@ expressions (`robot_key`).
 from __future__ import annotations
 
 import pickle
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -120,32 +120,6 @@ def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
     stop = next((limit.largest for limit in limits if isinstance(limit, StopTravel)), UNLIMITED)
     speeds = speed_bounds((limit for limit in limits if isinstance(limit, SpeedLimit)), UNLIMITED)
     return {"speeds": speeds, "stop": np.array([stop])}
-
-
-def tool_row_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[RowName]:
-    """Return the names and joints of the rows (path constraints) for limits of the tool.
-
-    Parameters
-    ----------
-    limits : iterable of ToolLimit
-        Limits of the tool.
-    moving : collection of int
-        Indices of the joints that move. The limit on the distance that the tip travels while the
-        robot stops has rows for each of them.
-
-    Returns
-    -------
-    set of (str, int or None)
-        Name of the limit, and index of the joint for the distance to stop. Other rows have no
-        joint.
-    """
-    names: set[RowName] = set()
-    for limit in limits:
-        if isinstance(limit, StopTravel):
-            names |= {(limit.name, int(i)) for i in moving}
-        else:
-            names.add((limit.name, None))
-    return names
 
 
 def with_margin(robot: Robot, share: float) -> Robot:
@@ -601,24 +575,6 @@ def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
             if jerk:
                 rows.append((JointJerk.name, i, index + 7 + 2 * side))
     return rows
-
-
-def torque_row_names(robot: Robot, i: int) -> set[RowName]:
-    """Return the names of the torque rows of a joint, one for each drive and payload.
-
-    Parameters
-    ----------
-    robot : Robot
-        The robot.
-    i : int
-        Index of the joint.
-
-    Returns
-    -------
-    set of (str, int)
-        Name of the torque limit, and joint + 4 k for entry k of `Robot.actuations` (see `RowName`).
-    """
-    return {(MotorTorque.name, i + 4 * k) for k in range(len(robot.actuations(i)))}
 
 
 def heat_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:

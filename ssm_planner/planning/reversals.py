@@ -112,7 +112,7 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
 def borders_at_reversals(
     phase: Phase, motion: PhaseSolution, directions: Array | None = None
 ) -> Borders:
-    """Convert the points and reversals of a free motion to borders for another solve.
+    """Convert the ends and reversals of a free motion to borders for another solve.
 
     A border is a position at which joints may reverse. No joint reverses between two consecutive
     borders. The next solve divides the time into elements (intervals) that end at the borders, and
@@ -121,7 +121,7 @@ def borders_at_reversals(
     Parameters
     ----------
     phase : Phase
-        Entry of the motion list whose path the solver chooses (a free motion).
+        Entry of the motion list whose path the solver chooses (a free motion), with two points.
     motion : PhaseSolution
         Its motion with the multipliers of the directions.
     directions : (n, 4) array or None
@@ -131,22 +131,21 @@ def borders_at_reversals(
     Returns
     -------
     Borders
-        The points of the phase, and the positions at which a direction changes. Only the latter may
-        be moved by the solver.
+        Both points of the phase, and the positions at which a direction changes. Only the latter
+        may be moved by the solver.
     """
     multipliers, guess = motion.direction_multipliers, motion.trajectory
     assert multipliers is not None
     if directions is None:
         directions = multipliers.directions
     instants = _reversal_instants(multipliers, directions)
-    is_point = np.isclose(instants[:, None], multipliers.points).any(axis=1)
     middles = (instants[1:] + instants[:-1]) / 2
     # A middle between instants i and i + 1 lies in element i. searchsorted returns i + 1.
     elements = np.searchsorted(multipliers.instants, middles) - 1
-    # At the given points, exact positions replace those of the motion, which have rounding errors.
+    # At both ends, exact positions replace those of the motion, which have rounding errors.
     points = guess.sample(instants).q
-    points[is_point] = phase.points
-    free = tuple(np.flatnonzero(~is_point).tolist())
+    points[[0, -1]] = phase.points
+    free = tuple(range(1, len(points) - 1))
     return Borders(points, free, directions[elements], guess=(guess, instants))
 
 
@@ -212,7 +211,7 @@ def _runs_of_equal_sign(signs: Array) -> list[tuple[int, int]]:
 def _reversal_instants(multipliers: DirectionMultipliers, directions: Array) -> Array:
     """Return the instants between which no joint changes its direction.
 
-    They include the instants at which the motion passes its given points. A change of direction is
+    They include the start and the end of the motion. A change of direction is
     left out if it is closer to another of these instants than the share `MIN_SEGMENT_SHARE` of the
     duration, because the solver needs some time between two borders.
 
@@ -229,10 +228,10 @@ def _reversal_instants(multipliers: DirectionMultipliers, directions: Array) -> 
         Increasing instants, s. They bound k intervals. The first and the last instant are the ends
         of the motion.
     """
-    instants, points = multipliers.instants, multipliers.points
+    instants = multipliers.instants
     gap = MIN_SEGMENT_SHARE * instants[-1]
     changes = instants[1:-1][np.any(directions[1:] != directions[:-1], axis=1)]
-    borders = points.tolist()
+    borders = instants[[0, -1]].tolist()
     for instant in changes:
         # `borders` also contains the changes that were kept before.
         if np.abs(np.array(borders) - instant).min() > gap:

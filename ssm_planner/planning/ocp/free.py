@@ -105,9 +105,7 @@ def solve_free(
         work=work or Work(),
     )
     ocp = builder.build(count)
-    fastest = find_fastest_motion(
-        ocp, ocp.guess, ocp.requested_duration, cutoff=cutoff / ocp.time_scale
-    )
+    fastest = find_fastest_motion(ocp, ocp.guess, cutoff)
     motion = replace(ocp.result(fastest.solution), refined=fastest)
     return motion if fastest_only else find_best_free(motion, cutoff)
 
@@ -133,11 +131,7 @@ def find_best_free(motion: PhaseSolution, cutoff: float = np.inf) -> PhaseSoluti
     assert motion.refined is not None
     ocp = motion.refined.state.problem
     assert isinstance(ocp, FreeProblem)
-    objective = ocp.phase.problem.objective
-    best = find_best_motion(
-        motion.refined, objective, ocp.requested_duration, cutoff=cutoff / ocp.time_scale
-    )
-    return ocp.result(best)
+    return ocp.result(find_best_motion(motion.refined, cutoff))
 
 
 @keyword_record
@@ -320,7 +314,6 @@ class _FreeProblemBuilder:
             phase=self.phase,
             chain=chain,
             directions=chain.directions,
-            starts_at_rest=self.phase.qd_start == 0.0,
             work=self.work,
         )
 

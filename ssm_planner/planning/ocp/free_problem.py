@@ -28,10 +28,7 @@ from ssm_planner.elements.free_element import (
 )
 from ssm_planner.elements.rows import (
     UNLIMITED,
-    RowName,
     tool_limits,
-    tool_row_names,
-    torque_row_names,
 )
 from ssm_planner.kinematics import (
     retina_constraint,
@@ -51,14 +48,14 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest_descent
 from ssm_planner.planning.ocp.segments import SegmentChain
-from ssm_planner.planning.phases import Phase, reversal_ranges
+from ssm_planner.planning.phases import reversal_ranges
 from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, ROUNDING_TOLERANCE
-from ssm_planner.problem import TASK_COORDINATES, RetinaClearance, TaskRange, TaskRate
+from ssm_planner.problem import TASK_COORDINATES, RetinaClearance
 from ssm_planner.trajectory import quintic_coefficients
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
 MIN_LENGTH_UNIT = 0.05
-"""Smallest unit of length of a joint in a motion with free borders.
+"""Smallest unit of length of a joint.
 
 It is a share of the distance that the joint would cover at full velocity in the duration of the
 guess. `FreeProblem.unit` explains the unit of length.
@@ -75,33 +72,23 @@ class FreeProblem(OcpProblem):
     and the unit of length d of each joint. Scaled units are those of u and of `time_scale`.
     """
 
-    phase: Phase
-    """The phase with its problem, and the velocities and acceleration at its ends."""
     chain: SegmentChain
     """Segments of the motion with their borders, directions and guesses."""
-
-    @property
-    def requested_duration(self) -> float | None:
-        """Requested duration of the phase in scaled time. None: as short as possible."""
-        duration = self.phase.motion.duration
-        return None if duration is None else duration / self.time_scale
 
     @cached_property
     def moving(self) -> Indices:
         """Indices (m,) of the joints that move. They are the coordinates of the program."""
-        return np.flatnonzero(np.any(self.directions != 0, axis=0))
+        return np.flatnonzero(self.directions.any(axis=0))
 
     @cached_property
     def unit(self) -> Array:
         """Distance d in rad or m that a joint travels when its coordinate u changes by 1, (4,).
 
-        d is the largest distance of the joint between two neighbouring borders in the guess. If the
-        position at some border is only a guess, this distance may be much too small. d is then at
-        least the share `MIN_LENGTH_UNIT` of the distance at full velocity.
+        d is the largest distance of the joint between two neighbouring borders in the guess. The
+        positions at some borders are only guesses, and this distance may then be much too small. d
+        is therefore at least the share `MIN_LENGTH_UNIT` of the distance at full velocity.
         """
         extent = np.abs(np.diff(self.chain.points, axis=0)).max(axis=0)
-        if self.chain.fixed.all():
-            return np.asarray(extent)
         return np.maximum(extent, MIN_LENGTH_UNIT * self.joint_limits["velocity"] * self.time_scale)
 
     @cached_property
@@ -210,41 +197,20 @@ class FreeProblem(OcpProblem):
             The same derivative of u = (q − q0)/d with respect to scaled time, for the m moving
             joints.
         """
-        # A joint at rest may have the unit 0, which is replaced by 1. The result omits the joint.
-        return (values * self.time_scale**order / np.where(self.unit > 0, self.unit, 1.0))[
-            ..., self.moving
-        ]
+        return (values * self.time_scale**order / self.unit)[..., self.moving]
 
-    @cached_property
-    def complete_element(self) -> FreeElement:
-        """Functions of one element (time interval), with all path constraints of the motion.
+    @property
+    def element_model(self) -> FreeElement:
+        """Functions of one element (time interval), with all path constraints that it can have.
 
-        The path constraints are the limits of task coordinates, tool speeds, the eye, and the motor
-        torques of moving joints.
+        They are the limits of task coordinates, tool speeds, the eye, and motor torques.
         """
         problem = self.phase.problem
-        rows: set[RowName] = {
-            (TaskRange.name_of(name), None)
-            for name in RANGE_LIMITED_COORDINATES
-            if name in problem.ranges
-        }
-        rows |= {
-            (TaskRate.name_of(name), None)
-            for name in RATE_LIMITED_COORDINATES
-            if name in problem.rates
-        }
-        rows |= tool_row_names(problem.speeds, ())
-        if problem.eye is not None:
-            rows |= {(limit.name, None) for limit in problem.eye.limits}
-        rows = rows.union(*(torque_row_names(problem.robot, int(i)) for i in self.moving))
-        return shared_model(
-            FreeElement(
-                robot=problem.robot,
-                mechanism=self.phase.mechanism,
-                moving=tuple(self.moving.tolist()),
-                active=frozenset(rows),
-                eye=problem.eye,
-            )
+        return FreeElement(
+            robot=problem.robot,
+            mechanism=self.phase.mechanism,
+            moving=tuple(self.moving.tolist()),
+            eye=problem.eye,
         )
 
     @cached_property
@@ -388,19 +354,7 @@ class FreeProblem(OcpProblem):
             for i in standing:
                 values[:, i] = velocity[i] * steepest_descent(gradient[:, :, i], lengths)
         instants = np.append(0.0, np.cumsum(lengths))
-        # True for borders that are points of the problem. Borders at the port of the eye and at
-        # free reversals are not.
-        is_point = [
-            k not in self.chain.ports and bool(fixed.all())
-            for k, fixed in enumerate(self.chain.fixed)
-        ]
-        points = instants[[*structure.borders, structure.elements]][is_point]
-        return DirectionMultipliers(
-            instants * self.time_scale,
-            directions,
-            values / lengths.sum(),
-            points=points * self.time_scale,
-        )
+        return DirectionMultipliers(instants * self.time_scale, directions, values / lengths.sum())
 
     def _gradient_of_all_joints(self, solution: NlpSolution, multipliers: Multipliers) -> Array:
         """Compute the gradient of λᵀ G, the path constraints G weighted by their multipliers λ.
@@ -422,24 +376,21 @@ class FreeProblem(OcpProblem):
             positions in rad and m and for scaled time.
         """
         elements, orders = solution.elements, np.arange(4)
-        unit = np.where(self.unit > 0, self.unit, 1.0)
         # Vectors z with u, u̇, ü at the start and ü at the end of all four joints, and the length.
         # The columns of joint i are i, 4 + i, 8 + i and 12 + i. They are 0 for joints at rest.
         element_variables = np.zeros((len(elements), 17))
         element_variables[:, np.add.outer(4 * orders, self.moving).ravel()] = elements[:, :-1]
         element_variables[:, -1] = elements[:, -1]
         element = shared_model(
-            replace(self.complete_element, moving=(0, 1, 2, 3), active=multipliers.active)
+            replace(self.element_model, moving=(0, 1, 2, 3), active=multipliers.active)
         )
-        parameters = self._parameters.copy()
-        parameters[FreeElement.layout.slices["d"]] = unit
         sigma = self.directions[solution.structure.segment]
         gradient = constraint_gradient(
-            element, element_variables, (sigma, parameters), multipliers.rows
+            element, element_variables, (sigma, self._parameters), multipliers.rows
         )
         # Derivatives with respect to q, q̇, q̈ at the start and q̈ at the end, (n, 4, 4). The last
         # axis is the joint. A constant q̈ changes both values of q̈, so their derivatives are added.
-        by_state = gradient[:, :-1].reshape(-1, 4, 4) / unit
+        by_state = gradient[:, :-1].reshape(-1, 4, 4) / self.unit
         return np.stack([by_state[:, 0], by_state[:, 1], by_state[:, 2] + by_state[:, 3]], axis=1)
 
     def result(self, solution: NlpSolution) -> PhaseSolution:

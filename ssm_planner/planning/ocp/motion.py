@@ -38,8 +38,6 @@ class DirectionMultipliers:
     its direction. The sign of the value is the direction of this movement. A joint at rest may have
     either sign.
     """
-    points: Array
-    """Instants at which the motion passes the given points, its ends included, (k,), s."""
 
     @property
     def largest_joint_sum(self) -> float:
@@ -176,11 +174,7 @@ class PhaseSolution:
         """
         savings = self.direction_multipliers
         if savings is not None:
-            savings = replace(
-                savings,
-                instants=savings.instants * factor,
-                points=savings.points * factor,
-            )
+            savings = replace(savings, instants=savings.instants * factor)
         return replace(
             self,
             breaks=self.breaks * factor,

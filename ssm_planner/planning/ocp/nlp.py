@@ -69,8 +69,6 @@ class NlpStructure:
     """Number of elements of each block."""
     has_continuous_acceleration: bool
     """True if ü is continuous, because jerk is limited."""
-    velocity_limits: bool
-    """True if the coordinates have velocity limits of their own, as joints do."""
     coordinates_are_joints: bool
     """True if the coordinates are joints, False if there is only the path parameter s.
 
@@ -227,7 +225,7 @@ class BoundaryConditions:
         -------
         lower, upper : (n, 4 m) arrays
             Smallest and largest u, u̇, ü at the start and ü at the end of every element. A given
-            value has equal bounds.
+            value has equal bounds, and a value without bounds has infinite ones.
         velocity : tuple of two (n, m) arrays
             Smallest and largest u̇ within each element (time interval). One of them is 0 for a
             coordinate that moves, and both are 0 for a coordinate that rests.
@@ -241,14 +239,18 @@ class BoundaryConditions:
         v_min, v_max = (np.where(sign * signs > 0, sign * velocity, 0.0) for sign in (-1, 1))
         limit = np.where(signs != 0, acceleration, 0.0)
         # A coordinate keeps its direction within a segment, so it stays between its positions at
-        # both borders of the segment. At a free border, the range of reversals bounds its position.
-        ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]
-        lowest, highest = (np.where(np.isnan(ends), bound, ends) for bound in self.ranges)
-        lower = np.hstack([lowest.min(axis=0), v_min, -limit, -limit])
-        upper = np.hstack([highest.max(axis=0), v_max, limit, limit])
+        # both borders of the segment. Positions within the segment need no bounds, except that a
+        # coordinate at rest has one position.
+        lowest, highest = (
+            np.where(signs != 0, unbounded, self.points[segment]) for unbounded in (-np.inf, np.inf)
+        )
+        lower = np.hstack([lowest, v_min, -limit, -limit])
+        upper = np.hstack([highest, v_max, limit, limit])
         for k, element in enumerate(structure.borders):
-            fixed = np.flatnonzero(~np.isnan(self.points[k]))
-            lower[element, fixed] = upper[element, fixed] = self.points[k, fixed]
+            # The range of reversals bounds the positions at free borders.
+            lower[element, :m], upper[element, :m] = (
+                np.where(np.isnan(self.points[k]), bound, self.points[k]) for bound in self.ranges
+            )
             if k:
                 # Columns of u̇ of the coordinates whose direction changes at this border.
                 at_rest = m + np.flatnonzero(self.signs[k] != self.signs[k - 1])
@@ -311,29 +313,6 @@ class NlpData:
     def is_fixed(self) -> Mask:
         """True where `lower` and `upper` agree up to rounding, which fixes a value, (n, 4 m)."""
         return np.asarray(self.upper - self.lower <= ROUNDING_TOLERANCE)
-
-    def needs_position_bounds(self, structure: NlpStructure) -> Mask:
-        """Find the elements in which a coordinate u needs bounds of its own.
-
-        Between two borders a coordinate keeps its direction, so it stays between its positions at
-        both borders anyway. Bounds are needed only at a free border, that is, a reversal whose
-        position the solver chooses. Such a border is the start of the first element of a segment.
-
-        Parameters
-        ----------
-        structure : NlpStructure
-            Structure of the program, which states at which elements (time intervals) the segments
-            begin.
-
-        Returns
-        -------
-        (n, m) mask
-            True where the bounds of u at the start of an element do not follow from other
-            constraints.
-        """
-        counts = np.zeros_like(self.velocity[0], dtype=bool)
-        counts[structure.borders[1:]] = True
-        return np.asarray(counts & ~self.is_fixed[:, : structure.coordinates])
 
 
 @frozen

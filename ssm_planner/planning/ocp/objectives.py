@@ -23,7 +23,6 @@ from ssm_planner.planning.ocp.refinement import (
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, GAP
-from ssm_planner.problem import Objective
 from ssm_planner.typing import Array
 
 CENTRING_ITERATIONS = 8
@@ -42,9 +41,7 @@ The objective "time then heat" gives up so much time to save heat.
 """
 
 
-def find_fastest_motion(
-    problem: OcpProblem, guess: Array, duration: float | None = None, *, cutoff: float = np.inf
-) -> RefinedMotion:
+def find_fastest_motion(problem: OcpProblem, guess: Array, cutoff: float = np.inf) -> RefinedMotion:
     """Compute the motion of least duration, with the solver that the problem's method tries first.
 
     Ipopt does not confirm the motion yet. `find_best_motion` continues from the result.
@@ -56,31 +53,21 @@ def find_fastest_motion(
     guess : (n, 4 m + 1) array
         Motion at which the optimisation begins: u, u̇, ü at the start, ü at the end (a number for
         each of the m coordinates), and length of each element (time interval).
-    duration : float or None
-        Requested duration in scaled time. A motion that takes longer is of no use, so it replaces
-        `cutoff`. None: as short as possible.
     cutoff : float
-        Duration in scaled time beyond which a motion is of no use. Such a motion is not refined
-        further, so it may violate limits.
+        Duration in s beyond which a motion is of no use. Such a motion is not refined further, so
+        it may violate limits. A requested duration replaces it.
 
     Returns
     -------
     RefinedMotion
         The solution with the state of its refinement.
     """
-    # A motion that exceeds the requested duration by less than `GAP` is still refined.
-    cutoff = cutoff if duration is None else (1 + GAP) * duration
-    return solve_to_tolerance(RefinementState.from_guess(problem, guess), "time", cutoff=cutoff)
+    state = RefinementState.from_guess(problem, guess)
+    return solve_to_tolerance(state, "time", cutoff=_scaled_cutoff(problem, cutoff))
 
 
-def find_best_motion(
-    fastest: RefinedMotion,
-    objective: Objective,
-    duration: float | None = None,
-    *,
-    cutoff: float = np.inf,
-) -> NlpSolution:
-    """Compute the motion that is best for an objective, starting from the fastest motion.
+def find_best_motion(fastest: RefinedMotion, cutoff: float = np.inf) -> NlpSolution:
+    """Compute the motion that is best for the objective, starting from the fastest motion.
 
     - With the objective "time", it is the fastest motion.
     - With the objective "time then heat", it has the least heat among the motions that take at most
@@ -97,27 +84,25 @@ def find_best_motion(
     ----------
     fastest : RefinedMotion
         Result of `find_fastest_motion`.
-    objective : str
-        "time", "time then heat" or "effort".
-    duration : float or None
-        Requested duration in scaled time. None: as short as possible.
     cutoff : float
-        Duration in scaled time beyond which a motion is of no use.
+        Duration in s beyond which a motion is of no use. A requested duration replaces it.
 
     Returns
     -------
     NlpSolution
         The motion, or the status of the failure.
     """
-    cutoff = cutoff if duration is None else (1 + GAP) * duration
-    if not fastest.solution.solved or fastest.solution.duration > cutoff:
+    problem = fastest.state.problem
+    longest = _scaled_cutoff(problem, cutoff)
+    if not fastest.solution.solved or fastest.solution.duration > longest:
         return fastest.solution
     confirmed = _confirm(fastest, "time")
     if confirmed is None:
         return replace(fastest.solution, message=NOT_CONFIRMED)
-    if not confirmed.solution.solved or confirmed.solution.duration > (duration or np.inf):
+    too_long = confirmed.solution.duration > (problem.requested_duration or np.inf)
+    if not confirmed.solution.solved or too_long:
         return confirmed.solution
-    cheapest = _least_cost_motion(confirmed, objective, duration)
+    cheapest = _least_cost_motion(confirmed)
     if cheapest is None:
         return confirmed.solution
     # The result counts the iterations of both motions.
@@ -129,9 +114,22 @@ def find_best_motion(
     return replace(cheapest, iterations=iterations, confirmation=confirmation)
 
 
-def _least_cost_motion(
-    fastest: RefinedMotion, objective: Objective, duration: float | None
-) -> NlpSolution | None:
+def _scaled_cutoff(problem: OcpProblem, cutoff: float) -> float:
+    """Return the duration in scaled time beyond which a motion is of no use.
+
+    Parameters
+    ----------
+    problem : OcpProblem
+        The optimal control problem.
+    cutoff : float
+        Such a duration in s for a motion without a requested duration.
+    """
+    duration = problem.requested_duration
+    # A motion that exceeds the requested duration by less than `GAP` is still refined.
+    return cutoff / problem.time_scale if duration is None else (1 + GAP) * duration
+
+
+def _least_cost_motion(fastest: RefinedMotion) -> NlpSolution | None:
     """Compute the motion of least heat or effort of the motors, starting from the fastest motion.
 
     If a duration is requested, the motion has the least effort (torque that the speed needs), or
@@ -142,11 +140,6 @@ def _least_cost_motion(
     ----------
     fastest : RefinedMotion
         The fastest motion, which Ipopt has confirmed if the method requires it.
-    objective : str
-        "time", "time then heat" or "effort".
-    duration : float or None
-        Requested duration in scaled time. None: at most the share `LEAST_HEAT_EXTRA_TIME` more than
-        that of the fastest motion, or any duration if heat weights are given.
 
     Returns
     -------
@@ -155,6 +148,7 @@ def _least_cost_motion(
         counts, or if no duration is requested and the solver finds no such motion.
     """
     solution, problem = fastest.solution, fastest.state.problem
+    duration = problem.requested_duration
     cooled = bool(problem.joint_limits["cooling"].any())
     if duration is not None:
         # The fastest motion, stretched in time, is the guess.
@@ -167,7 +161,8 @@ def _least_cost_motion(
             result = solve_to_tolerance(state, "time", duration=interval)
         return result.solution
     # Without motors there is no heat to reduce.
-    heated = objective != "time" and any(motorised_joints(problem.complete_element.robot.joints))
+    robot, objective = problem.phase.problem.robot, problem.phase.problem.objective
+    heated = objective != "time" and any(motorised_joints(robot.joints))
     if not (heated or cooled):
         return None
     if solution.solver == "structured" and problem.has_free_borders:

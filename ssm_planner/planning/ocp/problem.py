@@ -22,6 +22,7 @@ from ssm_planner.elements.element import (
 )
 from ssm_planner.elements.rows import RowName
 from ssm_planner.planning.ocp.nlp import BoundaryConditions, Method, NlpData, NlpStructure
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.work import Work
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
@@ -48,6 +49,8 @@ class OcpProblem(ABC):
     coordinates, and the boundary conditions.
     """
 
+    phase: Phase
+    """The phase with its problem, requested duration, and velocities at both ends."""
     structure: NlpStructure
     """Numbers of elements, segments and blocks, and kinds of constraints of the program."""
     lengths: Array
@@ -61,11 +64,6 @@ class OcpProblem(ABC):
     """Unit of scaled time, s. It is about the duration of the motion."""
     directions: Array
     """Direction of every joint in every segment: +1, −1 or 0, (k, 4)."""
-    starts_at_rest: Array
-    """True for joints that are at rest at the start of the motion, (4,).
-
-    Such a joint must overcome static friction when it starts.
-    """
     method: Method = "Ipopt"
     """Solution method: "Ipopt", "structured", "confirmed" or "estimated".
 
@@ -73,6 +71,12 @@ class OcpProblem(ABC):
     """
     work: Work = field(default_factory=Work)
     """Counter of the computational work."""
+
+    @property
+    def requested_duration(self) -> float | None:
+        """Requested duration of the phase in scaled time. None: as short as possible."""
+        duration = self.phase.motion.duration
+        return None if duration is None else duration / self.time_scale
 
     @property
     @abstractmethod
@@ -94,8 +98,8 @@ class OcpProblem(ABC):
 
     @property
     @abstractmethod
-    def complete_element(self) -> ElementModel:
-        """Functions of one element (time interval), with all r path constraints of the motion."""
+    def element_model(self) -> ElementModel:
+        """Functions of one element (time interval), with all path constraints that it can have."""
 
     @abstractmethod
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
@@ -116,6 +120,23 @@ class OcpProblem(ABC):
             One array for each parameter vector: (size,) if all elements share it, otherwise
             (n, size).
         """
+
+    @cached_property
+    def complete_element(self) -> ElementModel:
+        """Functions of one element (time interval), with all r path constraints of the motion.
+
+        A path constraint belongs to the motion if the problem states its limit.
+        """
+        problem = self.phase.problem
+        of_tool = {limit.name for limit in problem.task_limits.all_limits}
+        of_joints = [{limit.name for limit in joint.limits} for joint in problem.robot.joints]
+        # The index of a torque constraint is joint + 4 k, so its remainder is the joint.
+        rows = frozenset(
+            (name, index)
+            for name, index in self.element_model.row_names
+            if name in of_tool or (index is not None and name in of_joints[index % 4])
+        )
+        return shared_model(replace(self.element_model, active=rows))
 
     def element(self, active: frozenset[RowName], aim: Aim) -> ElementModel:
         """Return the functions of one element with selected path constraints and with a cost.
@@ -301,7 +322,7 @@ class OcpProblem(ABC):
         for k, j in self.structure.breakaways:
             # A joint starts where its direction changes, and at the start of the motion (k = 0) if
             # it is at rest there.
-            starts = sigma[k] != sigma[k - 1] if k else self.starts_at_rest
+            starts = sigma[k] != sigma[k - 1] if k else self.phase.qd_start == 0.0
             bounds.append(np.where(starts & (sigma[j] != 0), 1.0, np.inf)[joints])
         return np.array(bounds)
 

@@ -322,7 +322,6 @@ class SegmentChain:
             segment_sizes=sizes,
             block_sizes=sizes if one_block_per_segment else divide_into_blocks(arcs),
             has_continuous_acceleration=has_continuous_acceleration,
-            velocity_limits=True,
             coordinates_are_joints=True,
         )
 

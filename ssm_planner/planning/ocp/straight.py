@@ -16,15 +16,11 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.dynamics import RigidBody
-from ssm_planner.elements.element import shared_model
 from ssm_planner.elements.rows import (
-    UNLIMITED,
     RowName,
     joint_limits,
     limits_jerk,
     tool_limits,
-    tool_row_names,
-    torque_row_names,
 )
 from ssm_planner.elements.straight_element import StraightElement
 from ssm_planner.kinematics import task_rates
@@ -48,11 +44,8 @@ from ssm_planner.planning.tolerances import PATH_SAMPLES
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import (
     TASK_COORDINATES,
-    JointAcceleration,
     JointJerk,
-    JointVelocity,
     Robot,
-    ToolLimit,
 )
 from ssm_planner.trajectory import quintic_coefficients
 from ssm_planner.typing import Array, keyword_record
@@ -119,9 +112,7 @@ def solve_straight(
     PhaseSolution
         Joint polynomials of the motion, or the status of the failure.
     """
-    robot, limits, duration = phase.problem.robot, phase.problem.task_limits, phase.motion.duration
-    # ṡ at both ends, 1/s.
-    speeds = phase.speeds_along(path)
+    robot = phase.problem.robot
     jerk = limits_jerk(robot)
     knots, signs = path.directions
     # Number of elements, which grows with the number of smooth pieces of the path.
@@ -136,8 +127,6 @@ def solve_straight(
     )
     # Unit of time: the duration of the guess, or a lower bound if that is longer.
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
-    # Largest ṡ in scaled time that the limited rates of task coordinates allow in each segment.
-    speed_limit = path_speed_limits(path, limits.rates) * scale
     # Each interval between two reversals is a segment (no joint reverses in it) and a block (its
     # elements share one unknown duration). The only coordinate, s, moves in every segment.
     sizes = tuple(np.bincount(mesh.interval).tolist())
@@ -146,29 +135,20 @@ def solve_straight(
         segment_sizes=sizes,
         block_sizes=sizes,
         has_continuous_acceleration=jerk,
-        velocity_limits=bool(speed_limit.min() < UNLIMITED),
         coordinates_are_joints=False,
     )
     problem = _StraightProblem(
+        phase=phase,
         structure=structure,
         lengths=np.diff(mesh.instants) / mesh.instants[-1],
         joint_limits=joint_limits(strict or robot, cooling),
         time_scale=scale,
         method=method,
         directions=signs,
-        robot=robot,
         path=path,
-        limits_of_tool=limits.of_tool,
-        speed_limit=speed_limit,
-        end_speeds=np.array(speeds) * scale,
-        starts_at_rest=np.full(4, speeds[0] == 0.0),
         work=work or Work(),
     )
-    scaled_duration = None if duration is None else duration / scale
-    fastest = find_fastest_motion(problem, mesh.elements(guess), scaled_duration)
-    return problem.result(
-        find_best_motion(fastest, phase.problem.objective, scaled_duration), speeds[1]
-    )
+    return problem.result(find_best_motion(find_fastest_motion(problem, mesh.elements(guess))))
 
 
 def retimed_polynomials(
@@ -212,29 +192,16 @@ class _StraightProblem(OcpProblem):
     in which no joint reverses.
     """
 
-    robot: Robot
-    """The robot, with the true limits."""
     path: JointPath
     """The path q(s) of the joints."""
-    limits_of_tool: tuple[ToolLimit, ...]
-    """Limits of the tool: of its speeds and of the distance that it travels during a stop."""
-    speed_limit: Array
-    """Largest ṡ in each segment that the limited rates of task coordinates allow, (k,).
 
-    ṡ is the derivative with respect to scaled time.
-    """
-    end_speeds: Array
-    """ṡ at both ends, in scaled time, (2,)."""
-
-    def result(self, solution: NlpSolution, end_speed: float) -> PhaseSolution:
+    def result(self, solution: NlpSolution) -> PhaseSolution:
         """Convert a solution of the nonlinear program to joint polynomials in SI units.
 
         Parameters
         ----------
         solution : NlpSolution
             Timing of the path in scaled time.
-        end_speed : float
-            ṡ at the end, 1/s. It replaces the solver's value, which contains rounding.
 
         Returns
         -------
@@ -247,6 +214,7 @@ class _StraightProblem(OcpProblem):
         scale = self.time_scale
         # From scaled time to seconds. The columns are s, ṡ, s̈ at the start, s̈ at the end, length.
         elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
+        _, end_speed = self.phase.speeds_along(self.path)
         breaks, coefficients = joint_polynomials(
             self.path, elements, POLYNOMIALS_PER_ELEMENT, end_speed
         )
@@ -269,40 +237,35 @@ class _StraightProblem(OcpProblem):
         in every segment. ṡ is the derivative with respect to scaled time.
         """
         knots, signs = self.path.directions
-        return BoundaryConditions(
-            knots[:, None], np.ones((len(signs), 1)), self.end_speeds[:1], self.end_speeds[1:]
-        )
+        start, end = np.array(self.phase.speeds_along(self.path))[:, None] * self.time_scale
+        return BoundaryConditions(knots[:, None], np.ones((len(signs), 1)), start, end)
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
         """Limits of ṡ in each element (n, 1), and of |s̈| and |s⃛|, (1,) each, in scaled time.
 
-        The limits of s̈ and s⃛ are infinite here. Path constraints impose the acceleration and jerk
-        limits of the joints instead.
+        The limits of ṡ are infinite without limited rates of task coordinates. Those of s̈ and s⃛
+        are always infinite, because path constraints limit the acceleration and jerk of the joints.
         """
-        return (
-            self.speed_limit[self.structure.segment][:, None],
-            np.array([np.inf]),
-            np.array([np.inf]),
-        )
+        velocity = self._speed_limits[self.structure.segment, None]
+        return velocity, np.array([np.inf]), np.array([np.inf])
 
     @cached_property
-    def complete_element(self) -> StraightElement:
-        """Functions of one element (time interval), with all path constraints of the motion.
+    def _speed_limits(self) -> Array:
+        """Largest ṡ in each segment that the limited rates of task coordinates allow, (k,).
 
-        The path constraints are the limits of joints, motors and the tool. Joints that rest on the
-        whole path have no constraints on velocity, acceleration and jerk.
+        ṡ is the derivative with respect to scaled time.
         """
-        moving = np.abs(self.path.coarse_samples.dq).max(axis=0) > 0
-        rows: set[RowName] = set().union(*(torque_row_names(self.robot, i) for i in range(4)))
-        for i in np.flatnonzero(moving):
-            rows |= {(JointVelocity.name, int(i)), (JointAcceleration.name, int(i))}
-            if self.robot.joints[i].jerk is not None:
-                rows.add((JointJerk.name, int(i)))
-        rows |= tool_row_names(self.limits_of_tool, np.flatnonzero(moving))
-        return shared_model(
-            StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=frozenset(rows))
-        )
+        return path_speed_limits(self.path, self.phase.problem.rates) * self.time_scale
+
+    @property
+    def element_model(self) -> StraightElement:
+        """Functions of one element (time interval), with all path constraints that it can have.
+
+        They are the limits of joints, motors and the tool.
+        """
+        robot = self.phase.problem.robot
+        return StraightElement(robot=robot, jerk=limits_jerk(robot))
 
     @cached_property
     def always_active(self) -> frozenset[RowName]:
@@ -335,7 +298,9 @@ class _StraightProblem(OcpProblem):
             all elements.
         """
         limits = StraightElement.layout.pack(
-            **self.joint_limits, **tool_limits(self.limits_of_tool), time_scale=self.time_scale
+            **self.joint_limits,
+            **tool_limits(self.phase.problem.of_tool),
+            time_scale=self.time_scale,
         )
         starts = elements[:, 0]
         polynomials = fit_path(self.path, self._bodies, starts, np.append(starts[1:], 1.0))
@@ -344,7 +309,7 @@ class _StraightProblem(OcpProblem):
     @cached_property
     def _bodies(self) -> tuple[RigidBody, ...]:
         """Rigid-body model of the arm with each payload in `Robot.loads`."""
-        return tuple(RigidBody.from_robot(load) for load in self.robot.loads)
+        return tuple(RigidBody.from_robot(load) for load in self.phase.problem.robot.loads)
 
 
 def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
@@ -364,10 +329,10 @@ def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
     Returns
     -------
     (k,) array
-        Largest ṡ between each pair of neighbouring knots, 1/s. `UNLIMITED` without a limit.
+        Largest ṡ between each pair of neighbouring knots, 1/s. Infinite without a limit.
     """
     knots = path.directions[0]
-    ceiling = np.full(len(knots) - 1, UNLIMITED)
+    ceiling = np.full(len(knots) - 1, np.inf)
     if not rates:
         return ceiling
     # PATH_SAMPLES values of s between each pair of neighbouring knots, (k, PATH_SAMPLES).
@@ -375,9 +340,10 @@ def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
     samples = path.sample(s.ravel())
     slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
     for name, rate in rates.items():
-        # A coordinate that hardly changes would give a limit above UNLIMITED, or a division by 0.
         steepest = slopes[:, :, TASK_COORDINATES.index(name)].max(axis=1)
-        ceiling = np.minimum(ceiling, rate / np.maximum(steepest, rate / UNLIMITED))
+        # A coordinate that does not change imposes no limit.
+        with np.errstate(divide="ignore"):
+            ceiling = np.minimum(ceiling, rate / steepest)
     return ceiling
 
 

@@ -178,17 +178,12 @@ def _multipliers(
     sizes = [group.bound.size for group in program.groups]
     path_multipliers = rows[: sizes[0] if element.row_names else 0].reshape(n, -1)
     linear_multipliers = rows[sum(sizes) :][: program.bound.size].reshape(n, -1)
-    # For each element, `_linear_rows` contains `size` upper bounds: of u (optional), u̇, ü at the
-    # start, ü at the end, and the middle Bernstein coefficient of u̇, m each. Then follow as many
-    # lower bounds, and 2 m bounds of the jerk if it is limited. Both u̇ at the start and the
-    # Bernstein coefficient bound the velocity, so their multipliers are added.
-    size = len(program.matrix) // 2 - m * (
-        structure.has_continuous_acceleration and structure.coordinates_are_joints
-    )
-    upper, lower = (
-        columns[:, size - 4 * m : size - 3 * m] + columns[:, size - m : size]
-        for columns in (linear_multipliers[:, :size], linear_multipliers[:, size : 2 * size])
-    )
+    # For each element, `_linear_rows` first contains upper bounds of u, u̇, ü at the start, ü at
+    # the end, and the middle Bernstein coefficient of u̇, m each. Then follow as many lower bounds.
+    # Both u̇ at the start and the Bernstein coefficient bound the velocity, so their multipliers are
+    # added.
+    of_bounds = linear_multipliers[:, : 10 * m].reshape(n, 2, 5, m)
+    upper, lower = (of_bounds[:, side, 1] + of_bounds[:, side, 4] for side in (0, 1))
     return Multipliers.of_bounds(data, lower, upper, path_multipliers, frozenset(element.row_names))
 
 
@@ -459,30 +454,21 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
         b_k, infinite where a constraint does not apply.
     """
     n, m = structure.elements, structure.coordinates
-    is_bounded = data.needs_position_bounds(structure)
-    v_min, _ = data.velocity
-    # Columns of the entries of z that have bounds: all except the length (index 4 m), and without u
-    # (the first m entries) if no element needs bounds of u.
-    offset = 0 if is_bounded.any() else m
-    columns = np.r_[offset : 4 * m, 4 * m + 1 : 5 * m + 1]
-    identity = np.eye(5 * m + 1)[columns]
-    # Fixed values are not bounded. Without velocity limits, u̇ has only the lower bound v_min = 0,
-    # because the path parameter never decreases.
-    is_bounded = np.hstack([is_bounded, ~data.is_fixed[:, m:]])
-    v_bounds = data.velocity if structure.velocity_limits else (v_min, np.full((n, m), np.inf))
-    lower = np.hstack([np.where(is_bounded, data.lower, -np.inf)[:, offset:], v_bounds[0]])
-    upper = np.hstack([np.where(is_bounded, data.upper, np.inf)[:, offset:], v_bounds[1]])
-    matrix = np.vstack([identity, -identity])
+    # Rows that select the entries of z with bounds. These are all except the length.
+    entries = np.eye(5 * m + 1)
+    length = entries[4 * m]
+    bounded = np.delete(entries, 4 * m, axis=0)
+    v_min, v_max = data.velocity
+    # Fixed values are not bounded.
+    lower = np.hstack([np.where(data.is_fixed, -np.inf, data.lower), v_min])
+    upper = np.hstack([np.where(data.is_fixed, np.inf, data.upper), v_max])
+    matrix = np.vstack([bounded, -bounded])
     bound = np.hstack([upper, -lower])
     if structure.has_continuous_acceleration and structure.coordinates_are_joints:
         # |ü(h) − ü(0)| ≤ jerk · h as two rows for each coordinate. They are divided by jerk / n,
         # because n h is about 1. All rows then have values of similar size.
-        rise = np.zeros((m, 5 * m + 1))
-        rise[:, 2 * m : 3 * m] = np.diag(-n / data.jerk)
-        rise[:, 3 * m : 4 * m] = np.diag(n / data.jerk)
-        fall = -rise
-        rise[:, 4 * m] = fall[:, 4 * m] = -n
-        matrix = np.vstack([matrix, rise, fall])
+        rise = (entries[3 * m : 4 * m] - entries[2 * m : 3 * m]) * (n / data.jerk)[:, None]
+        matrix = np.vstack([matrix, rise - n * length, -rise - n * length])
         bound = np.hstack([bound, np.where(np.tile(structure.moving, 2), 0.0, np.inf)])
     return matrix, bound
 

@@ -12,7 +12,7 @@ Programming, SIAM, 2010.
 """
 
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import field
 from functools import lru_cache
 from typing import Any
 
@@ -149,7 +149,7 @@ class Transcription:
             length of each element (time interval).
         confirming : bool
             True if this motion is a solution of the structured solver (`ocp.structured`), which
-            Ipopt is to confirm. Other options and bounds then apply.
+            Ipopt is to confirm. Other options then apply.
 
         Returns
         -------
@@ -162,9 +162,7 @@ class Transcription:
             If the user interrupts Ipopt.
         """
         n, m = self.structure.elements, self.structure.coordinates
-        start_kind: Start = "cold"
-        if confirming:
-            start_kind, data = "confirming", self._without_implied_bounds(data)
+        start_kind: Start = "confirming" if confirming else "cold"
         result, stats = run_ipopt(self.solver(start_kind), **self._inputs(data, elements))
         if self.native is not None:
             # Exceptions in the C functions do not pass through Ipopt. `check` raises them here.
@@ -216,8 +214,9 @@ class Transcription:
         # the group "dynamics".
         middle = np.zeros((n, m))
         start = self.sizes["dynamics"]
-        limited = self.structure.moving & self.structure.velocity_limits
-        middle[limited] = constraint_multipliers[start : start + self.sizes["velocity"]]
+        middle[self.structure.moving] = constraint_multipliers[
+            start : start + self.sizes["velocity"]
+        ]
         # Multipliers of the bounds on u̇ at the start of the elements, in the columns m to 2 m − 1.
         # A fixed u̇ has a multiplier too, but no bound that forbids a reversal.
         at_start = np.where(
@@ -228,32 +227,6 @@ class Transcription:
         lower, upper = (np.maximum(sign * signed, 0.0).sum(axis=0) for sign in (-1, 1))
         rows = np.maximum(constraint_multipliers[sum(self.sizes.values()) :], 0.0).reshape(n, -1)
         return Multipliers.of_bounds(data, lower, upper, rows, frozenset(self.element.row_names))
-
-    def _without_implied_bounds(self, data: NlpData) -> NlpData:
-        """Return the data without those bounds of the positions u that other constraints imply.
-
-        In a segment (a part of the motion in which no coordinate reverses), each coordinate stays
-        between its positions at both ends, because it keeps its direction. Further bounds of u are
-        superfluous. The structured solver does not have them. When Ipopt confirms a solution of
-        that solver, the logarithmic barrier of such bounds would move the point at which Ipopt
-        stops.
-
-        Parameters
-        ----------
-        data : NlpData
-            Parameters and bounds of the program.
-
-        Returns
-        -------
-        NlpData
-            A copy in which the superfluous bounds are infinite.
-        """
-        positions = slice(self.structure.coordinates)
-        needed = data.needs_position_bounds(self.structure) | data.is_fixed[:, positions]
-        lower, upper = data.lower.copy(), data.upper.copy()
-        lower[:, positions][~needed] = -np.inf
-        upper[:, positions][~needed] = np.inf
-        return replace(data, lower=lower, upper=upper)
 
     def _inputs(self, data: NlpData, elements: Array) -> dict[str, Array]:
         """Collect the arguments of CasADi's solver by their names in `casadi.nlpsol`.
@@ -272,11 +245,11 @@ class Transcription:
             Initial values `x0` of the variables, parameters `p`, lower and upper bounds `lbx` and
             `ubx` of the variables, and lower and upper bounds `lbg` and `ubg` of the constraints.
         """
-        limited = self.structure.moving & self.structure.velocity_limits
+        v_min, v_max = (velocity[self.structure.moving] for velocity in data.velocity)
         # Lower and upper bounds of the groups of constraints, by the names in `sizes`.
-        bounds = {
+        bounds: dict[str, tuple[Any, Any]] = {
             "dynamics": (0.0, 0.0),
-            "velocity": tuple(velocity[limited] for velocity in data.velocity),
+            "velocity": (v_min, v_max),
             "jerk": (-np.inf, 0.0),
             "breakaway": (-np.inf, data.breakaway_bound.ravel()),
             "duration": data.duration,
@@ -405,7 +378,7 @@ def _joint_limit_constraints(
     difference = cubic.a1 - cubic.a0
     bound = ca.repmat(jerk, 1, structure.elements) * cubic.h
     return {
-        "velocity": _select_entries(cubic.middle_velocity, moving & structure.velocity_limits),
+        "velocity": _select_entries(cubic.middle_velocity, moving),
         "jerk": ca.vertcat(
             _select_entries(difference - bound, jerk_limited),
             _select_entries(-difference - bound, jerk_limited),
