@@ -10,7 +10,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.elements.rows import UNLIMITED
 from ssm_planner.planning.ocp.joint_profile import JointProfile
 from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.ocp.segments import SegmentChain, SegmentGuess, sample_curves
@@ -20,12 +19,6 @@ MIN_SEGMENT_SHARE = 4e-3
 """Smallest time between two reversals in a guess, as a share of the duration.
 
 The solver may reduce this time to the share `problem.MIN_BLOCK_SHARE`.
-"""
-ACCELERATION_RAMP_SHARE = 5e-4
-"""Time in which a joint without a jerk limit reaches its largest acceleration.
-
-It is a share of the time between two points. It applies if another joint has a jerk limit, because
-the program then limits the jerk of all joints.
 """
 KINEMATIC_LIMITS = ("velocity", "acceleration", "jerk")
 """Names of the joint limits in the order of their derivatives: q̇, q̈ and q⃛."""
@@ -181,42 +174,3 @@ def sampled_guesses(borders: Borders, *, count: int) -> list[SegmentChain]:
         fixed = np.ones(points.shape, dtype=bool)
         chains.append(SegmentChain(points, fixed, signs[None], (guess,)))
     return chains
-
-
-def jerk_limits_of_all_joints(
-    limits: dict[str, Array], displacements: Array, ends: tuple[Array, Array]
-) -> Array:
-    """Choose jerk limits for those joints that have none, if other joints of the robot have one.
-
-    The nonlinear program limits the jerk of either all joints or none. The chosen limit hardly
-    slows a joint down: with it, the joint reaches its largest acceleration in the share
-    `ACCELERATION_RAMP_SHARE` of the shortest time between two points.
-
-    Parameters
-    ----------
-    limits : dict of (4,) arrays
-        Limits of the joints by name ("velocity", "acceleration", "jerk"), in SI units. A jerk of
-        `UNLIMITED` means no limit.
-    displacements : (k, 4) array
-        Displacements of the joints between neighbouring points, rad and m.
-    ends : ((4,), (4,)) arrays
-        Joint velocities q̇ at the start and at the end of the motion, rad/s and m/s.
-
-    Returns
-    -------
-    (4,) array
-        Limits of jerk, rad/s³ and m/s³. The limits of the robot are unchanged.
-    """
-    velocity, acceleration, jerk = (limits[name] for name in KINEMATIC_LIMITS)
-    # Upper estimate of the shortest time of each joint between two points, (k, 4): the time at the
-    # velocity limit, and the time to accelerate and brake without this limit. At both ends of the
-    # motion, the time of a stop from the velocity there is added.
-    least_durations = np.abs(displacements) / velocity + 2 * np.sqrt(
-        np.abs(displacements) / acceleration
-    )
-    for k, speed in zip((0, -1), ends, strict=True):
-        least_durations[k] += np.abs(speed) / acceleration
-    # Between two points, the slowest joint decides. Then the pair of points with the shortest time
-    # counts.
-    ramp = ACCELERATION_RAMP_SHARE * least_durations.max(axis=1).min()
-    return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)

@@ -7,12 +7,14 @@ joints may reverse in the next solution.
 """
 
 from dataclasses import field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ssm_planner.planning.ocp.nlp import Confirmation, NlpSolution
 from ssm_planner.planning.ocp.refinement import RefinedMotion
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 
@@ -73,6 +75,16 @@ class Borders:
     """
     guess: tuple[Trajectory, Array] | None = None
     """A motion through the borders, and the instants at which it passes them, (k + 1,), s."""
+
+    @cached_property
+    def displacements(self) -> Array:
+        """Displacements of the joints from each border to the next one, (k, 4), rad and m.
+
+        A joint rests between two borders whose positions differ only by rounding.
+        """
+        displacements = np.diff(self.points, axis=0)
+        displacements[np.abs(displacements) <= ROUNDING_TOLERANCE] = 0.0
+        return displacements
 
 
 @record
