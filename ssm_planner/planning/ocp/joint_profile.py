@@ -35,9 +35,9 @@ class JointProfile:
     The joint changes its velocity to a peak, cruises at this velocity, and changes its velocity
     again. Jerk is only limited in motions from rest to rest, and in the prelude.
 
-    With a jerk limit, a motion that begins at speed or with an acceleration has a prelude. If the
-    joint must reverse, the prelude is its quickest stop. Otherwise, the acceleration falls to 0 at
-    the largest jerk. The other fields describe the motion after the prelude.
+    With a jerk limit, a joint that begins at speed or with an acceleration, and must reverse, has a
+    prelude: its quickest stop. The other fields describe the motion after the prelude. Without a
+    reversal, the profile ignores the initial acceleration.
     """
 
     displacement: float
@@ -103,17 +103,12 @@ class JointProfile:
         # whole stop.
         is_reversal = [last_direction != first_direction, sign != last_direction]
         reversals = tuple(prelude.switching_times[[1, -1]][is_reversal].tolist())
-        speed = 0.0
         if not reversals:
-            if not initial_acceleration:
-                return profile
-            ramp = np.array([abs(initial_acceleration) / jerk])
-            prelude = SCurve(ramp, np.array([initial_acceleration]), np.zeros(1), start)
-            speed = start + initial_acceleration * float(ramp[0]) / 2
+            return profile
         return replace(
             profile,
-            displacement=displacement - prelude.distance,
-            speeds=(speed, 0.0),
+            displacement=remaining,
+            speeds=(0.0, 0.0),
             sign=sign,
             prelude=prelude,
             prelude_reversals=reversals,

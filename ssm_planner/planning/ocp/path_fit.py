@@ -9,6 +9,7 @@ optimisation therefore evaluates no kinematics and no dynamics of the arm.
 from functools import cache
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebpts1
 
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.elements.straight_element import FIT_DEGREE
@@ -98,5 +99,5 @@ def _chebyshev_nodes() -> tuple[Array, Array]:
         Inverse of the matrix of the powers ξ_j^0, …, ξ_j^d. Its product with the values of a
         polynomial at the nodes gives the coefficients of the polynomial.
     """
-    nodes = np.cos(np.pi * (2 * np.arange(FIT_DEGREE + 1) + 1) / (2 * (FIT_DEGREE + 1)))
-    return nodes, np.linalg.inv(np.vander(nodes, increasing=True))
+    nodes = np.asarray(chebpts1(FIT_DEGREE + 1))
+    return nodes, np.asarray(np.linalg.inv(np.vander(nodes, increasing=True)))

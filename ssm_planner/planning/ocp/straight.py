@@ -399,50 +399,20 @@ def joint_polynomials(
         Coefficients of the pieces by powers of the time since their start. The axes are piece,
         power and joint.
     """
-    lengths = elements[:, 4:]
-    shares = np.arange(subdivision) / subdivision
-    element_ends = np.concatenate([[0.0], np.cumsum(lengths)])
-    breaks = np.append((element_ends[:-1, None] + lengths * shares).ravel(), element_ends[-1])
-    # q, q̇ and q̈ at the starts of all pieces, then at their ends.
-    ends = [
-        _joint_motion_at(path, elements, shares + offset, end_speed)
-        for offset in (0.0, 1.0 / subdivision)
-    ]
-    return breaks, quintic_coefficients(np.diff(breaks), ends[0], ends[1])
-
-
-def _joint_motion_at(
-    path: JointPath, elements: Array, shares: Array, end_speed: float
-) -> tuple[Array, Array, Array]:
-    """Evaluate joint positions, velocities and accelerations at given instants of every element.
-
-    With primes for derivatives with respect to s, q̇ = q' ṡ and q̈ = q'' ṡ² + q' s̈.
-
-    Parameters
-    ----------
-    path : JointPath
-        Joint path q(s) with the path parameter s from 0 to 1.
-    elements : (n, 5) array
-        s, ṡ, s̈ at the start, s̈ at the end and length of every element (time interval), with the
-        time in seconds.
-    shares : (k,) array
-        Instants as shares of the length of an element, from 0 to 1, in increasing order. If the
-        last share is 1, the last instant is the end of the motion. There the function sets s = 1
-        and ṡ = `end_speed`.
-    end_speed : float
-        ṡ at the end of the motion, 1/s.
-
-    Returns
-    -------
-    q, qd, qdd : (n k, 4) arrays
-        Joint positions (rad, m) and their first two derivatives with respect to time in seconds, at
-        all k instants of the first element, then of the second one, and so on.
-    """
-    s, speed, acceleration = (value.ravel() for value in as_cubics(elements).evaluate(shares))
+    # s, ṡ and s̈ at the ends of all pieces of an element, (n, subdivision + 1).
+    shares = np.linspace(0.0, 1.0, subdivision + 1)
+    s, speed, acceleration = as_cubics(elements).evaluate(shares)
     s = np.clip(s, 0.0, 1.0)
-    if shares[-1] == 1.0:  # The solver's values at the end contain rounding.
-        s[-1], speed[-1] = 1.0, end_speed
-    sample = path.sample(s)
-    speed = speed[:, None]
-    acceleration = acceleration[:, None]
-    return sample.q, sample.dq * speed, sample.ddq * speed**2 + sample.dq * acceleration
+    # The solver's values at the end contain rounding.
+    s[-1, -1], speed[-1, -1] = 1.0, end_speed
+    sample = path.sample(s.ravel())
+    speed, acceleration = speed.reshape(-1, 1), acceleration.reshape(-1, 1)
+    # With primes for derivatives with respect to s, q̇ = q' ṡ and q̈ = q'' ṡ² + q' s̈.
+    qd = sample.dq * speed
+    qdd = sample.ddq * speed**2 + sample.dq * acceleration
+    states = [values.reshape(len(elements), -1, 4) for values in (sample.q, qd, qdd)]
+    starts = tuple(values[:, :-1].reshape(-1, 4) for values in states)
+    ends = tuple(values[:, 1:].reshape(-1, 4) for values in states)
+    lengths = np.repeat(elements[:, 4] / subdivision, subdivision)
+    breaks = np.append(0.0, np.cumsum(lengths))
+    return breaks, quintic_coefficients(lengths, starts, ends)
