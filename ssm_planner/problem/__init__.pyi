@@ -89,7 +89,6 @@ from .posterior import (
 from .problem import (
     Eye as Eye,
     Lens as Lens,
-    Objective as Objective,
     Problem as Problem,
     TaskLimits as TaskLimits,
 )

@@ -38,6 +38,8 @@ COMMON_OPTIONS = {
     "print_level": 0,
     "sb": "yes",  # Ipopt does not print its banner.
     "tol": OPTIMALITY_TOLERANCE,
+    # Ipopt relaxes the bounds of the variables slightly. Its result keeps the original ones.
+    "honor_original_bounds": "yes",
     # 0 selects the AMD ordering. MUMPS would choose METIS on fine meshes, which takes longer.
     "mumps_pivot_order": 0,
 }
