@@ -288,20 +288,18 @@ def minimum_times(
     start, end = (np.where(np.isnan(speed), free_speed, speed) for speed in (start, end))
     # A direct change of velocity from start to end, without reversal, covers this distance.
     direct_distance = (start + end) / 2 * np.abs(end - start) / acceleration
-    is_direct = np.abs(distance - direct_distance) <= ROUNDING_TOLERANCE * (
-        1 + np.abs(direct_distance)
-    )
+    # Distances that are equal to it except for rounding count as equal.
+    rounding = ROUNDING_TOLERANCE * (1 + np.abs(direct_distance)) * np.sign(start + end)
     # A joint whose direct change of velocity covers more than the distance moves beyond it and
     # returns. This motion is mirrored once more, so that its peak velocity is positive.
-    direction = np.where(distance < direct_distance, -1.0, 1.0)
+    direction = np.where(distance + rounding < direct_distance, -1.0, 1.0)
     distance, start, end = (direction * values for values in (distance, start, end))
     mean_square = (start**2 + end**2) / 2
     peak_limit = np.maximum(velocity, np.maximum(np.abs(start), np.abs(end)))
     # Without cruising, the ramps to and from the peak cover (peak² − mean_square) / acceleration.
     peak = np.minimum(np.sqrt(np.maximum(acceleration * distance + mean_square, 0.0)), peak_limit)
     cruise = (distance - (peak**2 - mean_square) / acceleration) / np.where(peak > 0, peak, 1.0)
-    duration = (2 * peak - start - end) / acceleration + np.where(peak > 0, cruise, 0.0)
-    return np.asarray(np.where(is_direct, np.abs(end - start) / acceleration, duration))
+    return np.asarray((2 * peak - start - end) / acceleration + np.where(peak > 0, cruise, 0.0))
 
 
 @record

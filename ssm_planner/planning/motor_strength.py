@@ -29,7 +29,7 @@ from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason, check_limit
 from ssm_planner.planning.retiming.constraints import PathLimits
 from ssm_planner.planning.retiming.paths import JointPath, joint_starts
-from ssm_planner.planning.tolerances import PATH_SAMPLES, ROUNDING_TOLERANCE
+from ssm_planner.planning.tolerances import PATH_SAMPLES
 from ssm_planner.problem import ContinuousTorque, Drive, MotorTorque, Problem, Robot
 
 
@@ -96,7 +96,7 @@ def _most_overloaded_motor(
     for i, needed, location in needs:
         limit = robot.joints[i].limit(kind)
         text = f"the motor of joint {robot.joints[i].name} {template}"
-        reason = check_limit(limit, needed, location, text, ROUNDING_TOLERANCE * limit.largest)
+        reason = check_limit(limit, needed, location, text)
         if reason is not None:
             overloads.append((needed / limit.largest, reason))
     return max(overloads, key=itemgetter(0), default=(0.0, None))[1]

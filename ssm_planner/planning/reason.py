@@ -7,6 +7,7 @@ which limit to change. The functions of this module create reasons.
 
 from typing import Any
 
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.problem import ConstantSpeed, Duration, Limit, format_quantity
 from ssm_planner.typing import frozen
 
@@ -53,19 +54,16 @@ class Reason:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object that `plan --json` prints under the key `reason`."""
-        return {
-            "constraint": self.constraint,
-            "joint": self.joint,
-            "where": self.where,
-            "required": self.required,
-            "available": self.available,
-            "relaxation": self.relaxation,
-            "message": self.message,
-        }
+        names = "constraint", "joint", "where", "required", "available", "relaxation", "message"
+        return {name: getattr(self, name) for name in names}
 
 
 def check_limit(
-    limit: Limit, value: float, where: str | None, template: str, tolerance: float
+    limit: Limit,
+    value: float,
+    where: str | None,
+    template: str,
+    tolerance: float = ROUNDING_TOLERANCE,
 ) -> Reason | None:
     """Return a reason if a value exceeds a limit by more than a tolerance, else None.
 

@@ -215,12 +215,13 @@ class PathLimits:
             All rows at the n points.
         """
         rows: list[Array] = []
+        derivatives = self.samples.dq, self.samples.ddq
         for i, joint in enumerate(self.robot.joints):
-            dq = self.samples.dq[:, i]
-            acceleration = self._linear_term(a=dq, b=self.samples.ddq[:, i]) / joint.acceleration
+            dq, ddq = (derivative[:, i] / joint.acceleration for derivative in derivatives)
+            acceleration = self._linear_term(a=dq, b=ddq)
             rows += [acceleration, -acceleration]
             if self.braking_slopes is not None:
-                braking = self._linear_term(b=self.braking_slopes * np.abs(dq)) / joint.acceleration
+                braking = self._linear_term(b=self.braking_slopes * np.abs(dq))
                 rows.append(braking - np.sign(dq) * acceleration)
         for i, joint in enumerate(self.robot.joints):
             limit = np.inf if joint.motor is None else joint.motor.max_torque

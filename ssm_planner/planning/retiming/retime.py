@@ -236,15 +236,16 @@ def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
         The motion with the new timing.
     """
     motion = path.trajectory
-    # Time in the existing motion, and the squared ratio of the new velocities to the old ones.
-    old_time = retiming.s * motion.duration
-    rate_squared = retiming.speed_squared * motion.duration**2
-    # Index of the grid point after each break.
-    after_break = np.searchsorted(old_time, motion.breaks[1:-1])
-    rate_squared[after_break - 1] = (rate_squared[after_break - 1] + rate_squared[after_break]) / 2
-    old_time[after_break - 1] = motion.breaks[1:-1]
-    old_time, rate_squared = np.delete(old_time, after_break), np.delete(rate_squared, after_break)
-    acceleration = (np.diff(rate_squared) / (2 * np.diff(old_time)))[:, None]
+    # Time in the existing motion. One point on each break replaces the two points beside it.
+    grid = retiming.s * motion.duration
+    inner_breaks = motion.breaks[1:-1]
+    after_break = np.searchsorted(grid, inner_breaks)
+    beside = np.append(after_break - 1, after_break)
+    old_time = np.sort(np.append(np.delete(grid, beside), inner_breaks))
+    # Squared ratio of the new velocities to the old ones, that is, θ̇² for the old time θ(t).
+    rate_squared = np.interp(old_time, grid, retiming.speed_squared * motion.duration**2)
+    timing = replace(retiming, s=old_time, speed_squared=rate_squared)
+    acceleration = timing.acceleration[:, None]
 
     def states(samples: Samples, squares: Array) -> tuple[Array, Array, Array]:
         """Return q, q̇ and q̈ (n, 4) of the new motion at one end of each of its n intervals.
@@ -262,7 +263,7 @@ def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
         speed, square = np.sqrt(squares)[:, None], squares[:, None]
         return samples.q, samples.qd * speed, samples.qdd * square + samples.qd * acceleration
 
-    breaks = _passing_times(old_time, rate_squared)
+    breaks = timing.times
     starts = states(motion.sample(old_time[:-1], "right"), rate_squared[:-1])
     ends = states(motion.sample(old_time[1:], "left"), rate_squared[1:])
     return Trajectory(breaks, quintic_coefficients(np.diff(breaks), starts, ends), ())
