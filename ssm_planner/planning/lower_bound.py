@@ -489,9 +489,7 @@ def rest_to_rest(
         The motion, which begins at time 0 and position 0.
     """
     limit = math.inf if jerk is None else jerk
-    speed = min(
-        velocity, float(_peak_speed_without_cruise(np.array(distance), acceleration, limit))
-    )
+    speed = float(_peak_speed(np.array(distance), velocity, acceleration, limit))
     # A ramp is a piece in which the acceleration changes at the limit of jerk.
     ramp = min(acceleration / limit, math.sqrt(speed / limit))
     peak = min(acceleration, math.sqrt(speed * limit))
@@ -603,7 +601,7 @@ def rest_to_rest_times(
         Durations, s.
     """
     # At the peak velocity v = a²/j, the acceleration just reaches its limit a.
-    speed = np.minimum(velocity, _peak_speed_without_cruise(distance, acceleration, jerk))
+    speed = _peak_speed(distance, velocity, acceleration, jerk)
     reaches_limit = speed >= acceleration**2 / jerk
     ramp_times = np.where(
         reaches_limit, speed / acceleration + acceleration / jerk, 2 * np.sqrt(speed / jerk)
@@ -612,13 +610,17 @@ def rest_to_rest_times(
     return np.asarray(ramp_times + distance / np.maximum(speed, ROUNDING_TOLERANCE))
 
 
-def _peak_speed_without_cruise(
-    distance: Array, acceleration: Array | float, jerk: Array | float
+def _peak_speed(
+    distance: Array,
+    velocity: Array | float,
+    acceleration: Array | float,
+    jerk: Array | float,
 ) -> Array:
-    """Return the peak velocity v of the fastest motion from rest to rest without a velocity limit.
+    """Return the peak velocity of the fastest motion from rest to rest.
 
-    Such a motion does not cruise, that is, it has no part at constant velocity. Let T be the time
-    in which the velocity rises to v. Then
+    It is the limit of the velocity, or the peak velocity v of a motion that does not cruise, that
+    is, without a part at constant velocity. Let T be the time in which the velocity rises to v.
+    Then
 
         d = v T,
         T = v/a + a/j   if the acceleration reaches its limit a,
@@ -628,8 +630,8 @@ def _peak_speed_without_cruise(
     ----------
     distance : array
         Distances d ≥ 0, rad or m.
-    acceleration, jerk : array or float
-        Limits a and j. All arguments broadcast.
+    velocity, acceleration, jerk : array or float
+        Limits, the latter two a and j. All arguments broadcast.
 
     Returns
     -------
@@ -642,4 +644,4 @@ def _peak_speed_without_cruise(
     speed = (np.sqrt(limit_speed**2 + 4 * acceleration * distance) - limit_speed) / 2
     with np.errstate(invalid="ignore"):  # 0 · ∞ for a joint at rest without a limit of jerk.
         below_limit = np.cbrt(distance**2 * jerk / 4)
-    return np.asarray(np.where(speed >= limit_speed, speed, below_limit))
+    return np.minimum(velocity, np.where(speed >= limit_speed, speed, below_limit))

@@ -129,11 +129,10 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
     robot = phase.problem.robot
     gravity = RigidBody.from_robot(robot).gravity_load(places.q)
     starts = joint_starts(places, knots, signs)
-    # Indices of the segments between knots in which each place lies. At a knot, they are the one
-    # before ("left") and the one after it ("right"), because the motor must move the joint in both
-    # directions.
-    segments = [
-        np.clip(np.searchsorted(knots, places.s, side=side) - 1, 0, len(signs) - 1)
+    # Directions of the joints at all places. At a knot, they are those before it ("left") and those
+    # behind it ("right"), because the motor must move the joint in both directions.
+    directions = [
+        signs[np.clip(np.searchsorted(knots, places.s, side=side) - 1, 0, len(signs) - 1)]
         for side in ("left", "right")
     ]
 
@@ -143,11 +142,14 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
             friction = required_friction(drive)
             slow_mu = np.asarray(friction_coefficient(friction, 0.0))
             mu = np.where(starts[:, i], breakaway_coefficient(friction), slow_mu)
-            torques = [
-                np.abs(sign * breakaway_torque(drive, gravity[:, i], sign, mu))
-                for sign in (signs[segment, i] for segment in segments)
-            ]
-            torque = np.maximum(*torques)
+            # The factor 0 of a joint at rest removes its torque.
+            torque = np.max(
+                [
+                    np.abs(sign * breakaway_torque(drive, gravity[:, i], sign, mu))
+                    for sign in (direction[:, i] for direction in directions)
+                ],
+                axis=0,
+            )
             k = int(np.argmax(torque))
             yield i, float(torque[k]), f"{phase.motion.name}, {100 * places.s[k]:.0f} % of the way"
 

@@ -22,8 +22,6 @@ import numpy as np
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.planning.retiming.paths import (
-    MAX_GRID_INTERVALS,
-    MIN_GRID_INTERVALS,
     ClosedPath,
     JointPath,
     PathSamples,
@@ -157,13 +155,6 @@ class BlendedPath(JointPath):
                 samples = self._roundings[k // 2].sample(s[on_part])
                 values[:, on_part] = samples.q, samples.qd, samples.qdd
         return PathSamples(s, *values)
-
-    @property
-    def grid_intervals(self) -> int:
-        """Number of grid intervals that TOPP-RA needs, which grows with the number of pieces."""
-        return int(
-            np.clip(PATH_SAMPLES * (len(self.breaks) - 1), MIN_GRID_INTERVALS, MAX_GRID_INTERVALS)
-        )
 
 
 def blend_pieces(

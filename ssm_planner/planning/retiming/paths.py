@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,9 +26,6 @@ from ssm_planner.kinematics import (
 from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, PATH_SAMPLES, ROUNDING_TOLERANCE
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask, record
-
-if TYPE_CHECKING:  # It loads slowly, and few paths are splines.
-    from scipy.interpolate import CubicSpline
 
 MIN_GRID_INTERVALS, MAX_GRID_INTERVALS = 1000, 20_000
 """Smallest and largest number of grid intervals on which TOPP-RA times a path.
@@ -48,6 +45,11 @@ BREAK_OFFSET = 1e-4
 
 q'' jumps at the ends of the pieces, so it must not be evaluated exactly there.
 """
+
+
+def _limited_grid_size(intervals: int) -> int:
+    """Return a number of grid intervals within `MIN_GRID_INTERVALS` and `MAX_GRID_INTERVALS`."""
+    return min(max(intervals, MIN_GRID_INTERVALS), MAX_GRID_INTERVALS)
 
 
 @record
@@ -137,8 +139,8 @@ class JointPath(ABC):
 
     @property
     def grid_intervals(self) -> int:
-        """Number of grid intervals that TOPP-RA needs to time this path."""
-        return MIN_GRID_INTERVALS
+        """Number of grid intervals that TOPP-RA needs, which grows with the number of breaks."""
+        return _limited_grid_size(PATH_SAMPLES * (len(self.breaks) - 1))
 
     def speed_at(self, s: float, qd: Array) -> float:
         """Return the path speed ds/dt at which the joints have given velocities.
@@ -548,18 +550,16 @@ class SplinePath(JointPath):
         return np.append(0.0, distance / distance[-1])
 
     @cached_property
-    def _spline(self) -> "CubicSpline":
+    def _spline(self) -> Any:
         """The spline q(s) with second derivative 0 at both ends."""
-        from scipy.interpolate import CubicSpline
+        from scipy.interpolate import CubicSpline  # It loads slowly, and few paths are splines.
 
         return CubicSpline(self.nodes, self.points, axis=0, bc_type="natural")
 
     @property
     def grid_intervals(self) -> int:
         """Number of grid intervals that TOPP-RA needs, which grows with the number of points."""
-        return int(
-            np.clip(INTERVALS_PER_POINT * len(self.points), MIN_GRID_INTERVALS, MAX_GRID_INTERVALS)
-        )
+        return _limited_grid_size(INTERVALS_PER_POINT * len(self.points))
 
     def sample(self, s: Array) -> PathSamples:
         """Evaluate q, q' = dq/ds and q'' = d²q/ds² at n path parameters, (n, 4) each."""
