@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ssm_planner.elements.rows import UNLIMITED
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.problem import TASK_COORDINATES, Robot, TaskLimits, TipSpeed
@@ -170,7 +171,7 @@ def _single_joint_time(
 def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> float:
     """Return a lower bound on a duration that follows from limits on rates of task coordinates, s.
 
-    It is the longest time that one of the limited coordinates would need alone. If the joint limits
+    It is the longest time that one of the limited angles would need alone. If the joint limits
     bound its angular acceleration, the time also includes the change of rate at both ends. Depth
     needs no such bound, because `lower_bound` treats its rate as the velocity of joint 4.
 
@@ -188,19 +189,14 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
     Returns
     -------
     float
-        Duration, s. 0 if no rate is limited.
+        Duration, s. 0 if no rate of an angle is limited.
     """
     times = [0.0]
     for name, rate in limits.rates.items():
-        k = TASK_COORDINATES.index(name)
-        distance = float(ends[1, k] - ends[0, k])
-        acceleration = (
-            math.inf if name == "depth" else angular_acceleration_bound(robot, name, limits)
-        )
-        if math.isinf(acceleration):
-            times.append(abs(distance) / rate)
-        else:
-            speeds = rates[0, k], rates[1, k]
+        if name != "depth":
+            k = TASK_COORDINATES.index(name)
+            acceleration = angular_acceleration_bound(robot, name, limits)
+            distance, speeds = ends[1, k] - ends[0, k], (rates[0, k], rates[1, k])
             times.append(float(minimum_times(distance, rate, acceleration, speeds)))
     return max(times)
 
@@ -231,13 +227,14 @@ def angular_acceleration_bound(robot: Robot, name: str, limits: TaskLimits) -> f
     Returns
     -------
     float
-        The bound. Infinite if the range of tilt contains 0 or ±π, where roll and spin are singular.
+        The bound. `UNLIMITED` if the range of tilt contains 0 or ±π, where roll and spin are
+        singular.
     """
     mechanism = Mechanism.from_robot(robot)
     first, second, third, _ = robot.joints
     low, high = limits.ranges.get("tilt", (-math.pi, math.pi))
     if not (-math.pi < low < high < 0 or 0 < low < high < math.pi):
-        return math.inf
+        return UNLIMITED
     # The sine has its minimum over the range at one of the ends.
     smallest_sine = min(abs(math.sin(low)), abs(math.sin(high)))
     radius = math.sin(mechanism.alpha if name == "spin" else mechanism.beta)

@@ -314,10 +314,10 @@ def _repeat_passes(
         # binding row (−1).
         has_tangent = np.append(rows.k.any(axis=0), [False, False])
         is_exact = not has_tangent[linear.active(grid, speed_squared)].any()
-        duration = float(_passing_times(grid, speed_squared)[-1])
+        motion = Retiming(grid, speed_squared, rows.active(grid, speed_squared))
         # Another pass would change the duration by about the square of the last change.
-        converged = is_exact or abs(result.duration - duration) <= GAP * duration
-        result = Retiming(grid, speed_squared, rows.active(grid, speed_squared))
+        converged = is_exact or abs(result.duration - motion.duration) <= GAP * motion.duration
+        result = motion
         if converged:
             break
         tangent = speed_squared
