@@ -82,7 +82,8 @@ def _most_overloaded_motor(
         Kind of the limit: the largest or the continuous torque.
     needs : iterable of (int, float, str or None)
         For each motor the index of its joint, the torque in N·m that it needs, and the place on the
-        motion. None instead of the place stands for the whole motion.
+        motion. None instead of the place stands for the whole motion. Lower bounds on a torque may
+        be negative, and then give no reason.
     template : str
         Continuation of the message after the name of the joint, with the fields {value} and
         {bound}.
@@ -97,7 +98,7 @@ def _most_overloaded_motor(
         limit = robot.joints[i].limit(kind)
         text = f"the motor of joint {robot.joints[i].name} {template}"
         reason = check_limit(limit, needed, location, text)
-        if reason is not None:
+        if reason is not None and needed > 0:
             overloads.append((needed / limit.largest, reason))
     return max(overloads, key=itemgetter(0), default=(0.0, None))[1]
 
