@@ -222,7 +222,7 @@ class _Search:
             best.duration * (1 - GAP),
             # With a gap of 1, the first certified motion ends the search.
             gap=1.0 if self.first_suffices else GAP,
-            budget=limit - self.work.spent,
+            work_limit=limit,
         )
         self.entries.setdefault(phases.index(planner.phase), []).extend(
             item.to_dict(solution) for item in evaluations

@@ -26,7 +26,7 @@ from ssm_planner.kinematics import (
 )
 from ssm_planner.planning.curves import CurveFollower, driven_joints
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound, stopping_curves
-from ssm_planner.planning.retiming.blends import BlendedPath, blend_pieces
+from ssm_planner.planning.retiming.blends import blend_pieces
 from ssm_planner.planning.retiming.paths import (
     ClosedPath,
     JointPath,
@@ -194,7 +194,7 @@ class Phase:
         The branch is the one of the two solutions of the inverse kinematics on which the path
         stays.
         """
-        return self.path.branch if isinstance(self.path, (ClosedPath, BlendedPath)) else None
+        return getattr(self.path, "branch", None)
 
 
 def task_at_end(mechanism: Mechanism, points: Array, start: Array) -> Array:
@@ -416,8 +416,7 @@ class _PhaseBuilder:
         if np.abs(end - self.start).max() < ROUNDING_TOLERANCE:
             return self._rest_phase(motion)
         path = straight_path(self.problem, self.mechanism, self.start, end, self.q)
-        points = path.sample(np.array([0.0, 1.0])).q
-        return Phase(self.problem, motion, self.start, end, points, path=path)
+        return self._phase_along(motion, path)
 
     def _free_phase(self, motion: Free) -> Phase:
         """Build the phase of a free motion through its points. Repeated points are left out.

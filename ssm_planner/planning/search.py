@@ -23,7 +23,7 @@ def find_fastest(
     cutoff: float = np.inf,
     *,
     gap: float = GAP,
-    budget: float = np.inf,
+    work_limit: float = np.inf,
 ) -> tuple[R | Reason, list[Evaluation[P, R]]]:
     """Return the fastest motion among all candidates, that is, all ways to move.
 
@@ -46,9 +46,9 @@ def find_fastest(
     gap : float
         Share by which a motion must be shorter than the best one. With 1, the first motion ends the
         search.
-    budget : float
-        Work after which the search solves no further candidate, if it has a motion or a finite
-        cutoff.
+    work_limit : float
+        Value of `work.spent` from which on the search solves no further candidate, if it has a
+        motion or a finite cutoff.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def find_fastest(
         All candidates with their bounds, estimates and results, in the order of suggestion.
     """
     evaluations: list[Evaluation[P, R]] = []
-    solution, begin = None, work.spent
+    solution = None
 
     def suggest(latest: Evaluation[P, R] | None) -> None:
         """Add the candidates that are suggested after an evaluation."""
@@ -77,7 +77,7 @@ def find_fastest(
             break
         # min returns the first of equal values: the candidate that was suggested first.
         evaluation = min(promising, key=lambda item: item.known_duration)
-        if limit < np.inf and work.spent - begin > budget:
+        if limit < np.inf and work.spent > work_limit:
             evaluation.result = Reason(message="not solved: the work budget is spent")
             continue
         spent = work.spent

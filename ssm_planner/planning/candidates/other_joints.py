@@ -425,6 +425,6 @@ def _replace_target(problem: Problem, entry: int, index: int, q: Array) -> Probl
     changed: Motion = unchecked_copy(
         motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free
     )
-    return unchecked_copy(
-        problem, motion=(*problem.motion[:entry], changed, *problem.motion[entry + 1 :])
-    )
+    motions = list(problem.motion)
+    motions[entry] = changed
+    return unchecked_copy(problem, motion=tuple(motions))
