@@ -191,7 +191,7 @@ class Trajectory:
         coefficients = self.pieces(block)
         if not (np.isfinite(self.breaks).all() and np.isfinite(coefficients).all()):
             raise TrajectoryError("a trajectory holds only finite numbers")
-        lengths = np.diff(self.breaks)[block, None, None]
+        lengths = np.diff(self.breaks[block.start : block.stop + 1])[:, None, None]
         with np.errstate(over="ignore"):
             shifted = np.abs(coefficients) * lengths ** np.arange(DEGREE + 1)[:, None]
         if shifted.max() > LARGEST_DISPLACEMENT:

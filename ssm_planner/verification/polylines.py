@@ -287,7 +287,9 @@ def _worst_window_speed(
         Mean speed without the effect of rounding, and start of the window in s.
     """
     t = trajectory.breaks
-    q = trajectory.positions(t)[:, i]
+    q = np.concatenate(
+        [trajectory.positions(t[block])[:, i] for block in blocks(len(t), PIECES_PER_BLOCK)]
+    )
     largest_rise = 0.0
     speed = 0.0
     start = 0.0

@@ -77,10 +77,6 @@ def check_torque_bands(
         limits or if the task states a range of friction or payload.
     """
     t = trajectory.breaks
-    q = trajectory.positions(t)
-    # Number of changes of each joint position up to each row. A joint rests between two rows with
-    # the same number.
-    moves = np.cumsum(np.diff(q, axis=0, prepend=q[:1]) != 0, axis=0)
     # Rows: acceleration and torque that occur at least at some instant, and torque that no instant
     # exceeds. Accelerations within the limit are not of interest.
     extremes = np.array(
@@ -98,10 +94,15 @@ def check_torque_bands(
         centres = np.append(np.arange(width, last, width), last)
         maxima = np.full((3, 4), -np.inf)
         times = np.zeros((3, 4))
-        for block in blocks(len(centres), PIECES_PER_BLOCK):
+        for block in blocks(len(centres), PIECES_PER_BLOCK // width):
             rows = centres[block] + [[-width], [0], [width]]
-            at_rest = moves[rows[0]] == moves[rows[2]]
-            window = t[rows][..., None], q[rows], at_rest
+            first = rows[0, 0]
+            q = trajectory.positions(t[first : rows[2, -1] + 1])
+            # Number of changes of each joint position up to each row. A joint rests between two
+            # rows with the same number.
+            moves = np.cumsum(np.diff(q, axis=0, prepend=q[:1]) != 0, axis=0)
+            at_rest = moves[rows[0] - first] == moves[rows[2] - first]
+            window = t[rows][..., None], q[rows - first], at_rest
             values = _window_bounds(*window, robot, resolution, with_torques=not is_decided)
             highest = values.max(axis=1)
             times = np.where(highest > maxima, t[rows[1, values.argmax(axis=1)]], times)
