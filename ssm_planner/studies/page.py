@@ -70,7 +70,7 @@ def write_study_page(study: Study, rows: Candidates, path: Path, finished: bool)
     front = pareto_front(candidates, study.minimise)
     states = sorted(Counter(row.state for row in candidates).items())
     counts_text = ", ".join(f"{count} {state}" for state, count in states)
-    objectives = " and ".join(map(plain_words, study.minimise))
+    objectives = ", ".join(map(plain_words, study.minimise))
     share_text = f"{len(front)} of {len(candidates)} candidates"
     report_files = sorted(path.parent.glob("candidate_*/*/report.html"))
     reports = [report.relative_to(path.parent).as_posix() for report in report_files]
@@ -80,7 +80,7 @@ def write_study_page(study: Study, rows: Candidates, path: Path, finished: bool)
         title=study.name,
         # The arguments of `study show` after the numbers of the candidates.
         file=shlex.join([study.file or "FILE", "-o", str(path.parent)]),
-        headline=f"The front of {objectives} contains {share_text}.",
+        headline=f"The front in {objectives} contains {share_text}.",
         summary=f"{len(candidates)} candidates: {counts_text}.",
         notes=study.notes,
         fallen=_rejection_rows(candidates),

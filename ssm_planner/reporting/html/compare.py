@@ -163,7 +163,7 @@ def _durations_table(plans: tuple[Plan, Plan]) -> Table:
         ("toppra s",) + _pair_cells(a.toppra_duration, b.toppra_duration),
         ("above the lower bound %",) + _pair_cells(gaps[0], gaps[1], relative=False),
     ]
-    return Table(", A, B, change", rows, (1, 2, 3))
+    return Table("quantity, A, B, change", rows, (1, 2, 3))
 
 
 def _limits_table(certificate_a: Certificate | None, certificate_b: Certificate | None) -> Table:
@@ -235,7 +235,7 @@ def _motors_table(plans: tuple[Plan, Plan]) -> Table:
         ):
             value_a, value_b = [scale * plan[key] if plan else None for plan in (a, b)]
             rows.append((joint, motors, name) + _pair_cells(value_a, value_b))
-    return Table("joint, motor, , A, B, change", rows, (3, 4, 5))
+    return Table("joint, motor, quantity, A, B, change", rows, (3, 4, 5))
 
 
 def _pair_cells(a: float | None, b: float | None, relative: bool = True) -> tuple[str, str, str]:

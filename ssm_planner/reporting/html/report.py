@@ -174,7 +174,7 @@ def write_no_plan(plan: Plan, path: Path, changes: Sequence[tuple[str, float]] =
     else:
         conclusion = f"No motion keeps every limit: {reason.message}."
         if reason.relaxation:
-            conclusion += f" A change that permits a motion: {reason.relaxation}."
+            conclusion += f" The suggested change is {reason.relaxation}."
     steps = [f"{text}: the motion takes {format_fixed(time, 4)} s" for text, time in changes]
     return write_outcome(path, plan.problem.name, conclusion, problem_tables(plan), steps=steps)
 
