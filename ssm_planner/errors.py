@@ -21,7 +21,7 @@ def suggestion(name: object, known_names: Iterable[str]) -> str:
     str
         Text with the most similar name, such as "; did you mean 'roll'?", or "" if none is similar.
     """
-    matches = difflib.get_close_matches(str(name), list(known_names), n=1)
+    matches = difflib.get_close_matches(str(name), list(known_names), n=1, cutoff=0.65)
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from ssm_planner.arguments import checked
-from ssm_planner.errors import ProblemError
+from ssm_planner.problem import check_name
 from ssm_planner.typing import JsonObject
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def schema(kind: str) -> JsonObject:
     >>> ssm_planner.schema("motor")["title"]
     'ssm_planner motor file'
     """
-    _check_kind(kind, FILE_KINDS)
+    check_name(kind, FILE_KINDS, "kind", "unknown kind of file")
     from ssm_planner.loading import json_schema
     from ssm_planner.studies.study_file import StudyModel
 
@@ -77,14 +77,6 @@ def schema(kind: str) -> JsonObject:
         **document,
         "title": f"ssm_planner {kind} file",
     }
-
-
-def _check_kind(kind: str, allowed: tuple[str, ...]) -> None:
-    """Raise ProblemError if a kind of file is not one of the allowed kinds."""
-    if kind not in allowed:
-        raise ProblemError(
-            "unknown kind of file", key="kind", value=kind, allowed=", ".join(allowed)
-        )
 
 
 def file_keys(kind: str) -> tuple[Key, ...]:
@@ -138,7 +130,7 @@ def template(kind: str, name: str) -> str:
     >>> print(ssm_planner.template("motor", "mine").splitlines()[3].split("#")[0].strip())
     name: mine
     """
-    _check_kind(kind, tuple(EXAMPLE_FILES))
+    check_name(kind, tuple(EXAMPLE_FILES), "kind", "unknown kind of file")
     from ssm_planner.loading import read_section, shipped_folder
 
     keys = {key.path: key for key in file_keys(kind)}

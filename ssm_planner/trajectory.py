@@ -611,11 +611,8 @@ def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, li
         If there are fewer than two samples, the shapes disagree, the times do not increase, or a
         number is not finite.
     """
-    try:
-        times = np.atleast_1d(np.array(t, dtype=float))
-        states = [np.asarray(value, dtype=float) for value in values]
-    except (TypeError, ValueError) as error:
-        raise TrajectoryError(f"samples are not arrays of numbers: {error}") from error
+    times = np.atleast_1d(np.array(t, dtype=float))
+    states = [np.asarray(value, dtype=float) for value in values]
     if len(times) < 2 or any(x.shape != (len(times), 4) for x in states):
         raise TrajectoryError("samples need at least two times t (n,), and rows of four joints")
     if not (np.diff(times) > 0).all() or not np.isfinite(states).all():

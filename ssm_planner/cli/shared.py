@@ -30,13 +30,15 @@ LARGEST_RATE = 100_000.0
 """Largest rate of written files, Hz. A file with a higher rate would not fit into memory."""
 
 
-def quantity_argument(kind: str) -> Callable[[str], float]:
+def quantity_argument(kind: str, allowed: str | None = None) -> Callable[[str], float]:
     """Return a function with which argparse converts a quantity such as `-140deg` to SI units.
 
     Parameters
     ----------
     kind : str
         Kind of quantity, a key of units.QUANTITY_KINDS such as "length".
+    allowed : str, optional
+        Smallest and largest value, such as "0deg to 180deg". The default allows any quantity.
 
     Returns
     -------
@@ -49,9 +51,16 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
         from ssm_planner.units import BadQuantity, parse_quantity
 
         try:
-            return parse_quantity(text.strip(), kind)
+            value = parse_quantity(text.strip(), kind)
+            bounds = [parse_quantity(bound, kind) for bound in (allowed or text).split(" to ")]
+            if not bounds[0] <= value <= bounds[-1]:
+                raise BadQuantity("out of range", "")
         except BadQuantity as error:
-            raise ArgumentTypeError(f"{text.strip()!r}: {error}") from error
+            # A shell would divide an example such as "20 mm" into two arguments.
+            values = allowed or re.sub(r"(?<=\d) (?=[a-zA-Z])", "", error.allowed)
+            reason = f"{text.strip()!r}: {error.reason} (allowed: {values})"
+            raise ArgumentTypeError(reason) from error
+        return value
 
     return convert
 
@@ -100,7 +109,7 @@ The column `kind` states the type of the value: a key of `VALUE_TYPES` or of `un
 "flag", the allowed words with "|" between them, or the object that contains them as `module:name`.
 The column `number` contains the number of values in the form of argparse, "append" or "required".
 At most one argument of a group can be used. The column `needs` names another option, without which
-the option has no effect.
+the option has no effect. The column `range` contains the smallest and the largest quantity.
 """
 VALUE_TYPES: dict[str, Callable[[str], Any]] = {
     "path": path_argument,
@@ -180,7 +189,10 @@ def _argument_settings(row: Mapping[str, str]) -> Keywords:
     elif value_type in VALUE_TYPES:
         settings["type"] = VALUE_TYPES[value_type]
     else:
-        settings |= {"type": quantity_argument(value_type), "metavar": value_type.upper()}
+        settings |= {
+            "type": quantity_argument(value_type, row["range"]),
+            "metavar": value_type.upper(),
+        }
     if metavars:
         settings["metavar"] = metavars[0] if len(metavars) == 1 else tuple(metavars)
     if number in ("append", "+"):
@@ -223,8 +235,9 @@ def parse_option_quantity(option: str, text: str, kind: str, whole: str | None =
     try:
         return parse_quantity(text.strip(), kind)
     except BadQuantity as error:
-        value = text if whole is None else whole
-        raise ProblemError(error.reason, key=option, value=value, allowed=error.allowed) from None
+        raise ProblemError(
+            error.reason, key=option, value=whole or text, allowed=error.allowed
+        ) from None
 
 
 def parse_speed(text: str) -> float:

@@ -114,20 +114,9 @@ def scenario_from_options(options: Namespace) -> ssm.Scenario:
     power_loss = options.power_loss
     if power_loss is not None and power_loss != EVERYWHERE:
         power_loss = parse_option_quantity("--power-loss", power_loss, "time")
-    names = (
-        "speed",
-        "instants",
-        "supply",
-        "friction",
-        "draws",
-        "spread",
-        "dropped",
-        "wrong_direction",
-        "compliance",
-        "travel",
-    )
+    names = "speed instants supply friction draws spread dropped wrong_direction compliance travel"
     return ssm.Scenario(
-        **get_attributes(options, names),
+        **get_attributes(options, names.split()),
         payload=payload,
         payload_time=payload_time,
         power_loss=power_loss,

@@ -145,7 +145,8 @@ class _TreeBuilder:
         self.largest = max_nodes
         self.tree = tree
         self.events = events
-        self.anchors: dict[str, Node] = {}
+        self.anchors: dict[str, Node | None] = {}
+        self.path: list[str | int] = []
 
     def document(self, trailing: bool) -> Node:
         """Build the tree of the only document of the text.
@@ -180,7 +181,7 @@ class _TreeBuilder:
             )
         return root
 
-    def node(self, event: Any, depth: int) -> Node:
+    def node(self, event: Any, depth: int, *key: str | int) -> Node:
         """Build the node that starts with an event.
 
         Parameters
@@ -189,6 +190,8 @@ class _TreeBuilder:
             First event of the node.
         depth : int
             Number of levels above the node.
+        *key : str or int
+            Key or list position of the node. The root does not have one.
 
         Returns
         -------
@@ -200,14 +203,20 @@ class _TreeBuilder:
         ProblemError
             If the node is too deep, too large, or not plain YAML.
         """
+        self.path[depth - 1 :] = key
         if depth > LARGEST_DEPTH:
             raise self.error("nested too deeply", event, f"at most {LARGEST_DEPTH} levels")
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self.anchors:
                 raise self.error(f"*{event.anchor} has no anchor above it", event)
-            return self.anchors[event.anchor]
+            target = self.anchors[event.anchor]
+            if target is None:
+                raise self.error(f"*{event.anchor} is inside the value that it stands for", event)
+            return target
         if event.tag not in _STRING_TAGS:
             raise self.error(f"the tag {event.tag} is not allowed", event, "plain values")
+        if event.anchor is not None:
+            self.anchors[event.anchor] = None
         if isinstance(event, yaml.ScalarEvent):
             node = Node(_parse_scalar(event), _line_number(event))
         elif isinstance(event, yaml.SequenceStartEvent):
@@ -241,7 +250,7 @@ class _TreeBuilder:
         size = 1
         children: dict[str | int, Node] = {}
         while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
-            item = self.node(event, depth + 1)
+            item = self.node(event, depth + 1, len(values))
             if self.tree:
                 children[len(values)] = item
             values.append(item.value)
@@ -285,11 +294,11 @@ class _TreeBuilder:
                     f"duplicate key (first on line {key_lines[key]})",
                     file=self.file,
                     line=_line_number(event),
-                    key=key,
+                    key=format_path((*self.path[:depth], key)),
                     allowed="each key once",
                 )
             key_lines[key] = _line_number(event)
-            children[key] = self.node(next(self.events), depth + 1)
+            children[key] = self.node(next(self.events), depth + 1, key)
         values = {key: child.value for key, child in children.items()}
         size = 1 + sum(child.size for child in children.values())
         return Node(

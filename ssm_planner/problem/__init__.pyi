@@ -119,6 +119,7 @@ from .value import (
     Shape as Shape,
     Value as Value,
     check_mapping as check_mapping,
+    check_name as check_name,
     convert_value as convert_value,
     field_descriptions as field_descriptions,
     field_hints as field_hints,

@@ -75,7 +75,7 @@ BOMB = "a: &a [1,1,1,1,1,1,1,1,1,1]\n" + "".join(
     ("text", "line", "part"),
     [
         ("a: 1\nb: 2\na: 3\n", 3, "duplicate key (first on line 1)"),
-        ("a:\n  b: 1\n  b: 2\n", 3, "duplicate key"),
+        ("a:\n  b: 1\n  b: 2\n", 3, "a.b: duplicate key"),
         ("a: [1, 2\nb: 3\n", 2, "not valid YAML"),
         ("a: b: c\n", 1, "not valid YAML"),
         ("a:\n\t- 1\n", 2, "not valid YAML"),
@@ -88,7 +88,7 @@ BOMB = "a: &a [1,1,1,1,1,1,1,1,1,1]\n" + "".join(
         ("a: 1\n---\nb: 2\n", 2, "second document"),
         ("a: !!python/object:os.system x\n", 1, "the tag"),
         ("a: 1\nb: *nothing\n", 2, "has no anchor"),
-        ("a: &a [*a]\n", 1, "has no anchor"),
+        ("a: &a [*a]\n", 1, "*a is inside the value that it stands for"),
         ("? [1, 2]\n: 3\n", 1, "plain word"),
         ("a: " + "[" * 100 + "]" * 100, 1, "too deeply"),
         ("a: " + "[" * 50_000, 1, "too deeply"),
