@@ -24,7 +24,10 @@ CASES = [
     (["plan", "tilt_insert", "--from", PLAN, "--at", "100s"], "--at = 100s"),
     (["plan", "tilt_insert", "--rate", "1e9"], "argument --rate"),
     (["retime", "path.csv", "--robot", "vitreoretinal", "--rate", "1GHz"], "argument --rate"),
-    (["size", PLAN, "--ambient", "500degC"], "--ambient = 500degC"),
+    (
+        ["size", PLAN, "--ambient", "500degC"],
+        "--ambient: '500degC': out of range (allowed: -70degC to 125degC)",
+    ),
     (["size", PLAN, "--supply", "-5V"], "--supply = -5V"),
     (["size", PLAN, "--current-limit", "-5A"], "--current-limit = -5A"),
     (["size", PLAN, "--pause", "-5s"], "--pause = -5s"),
