@@ -64,7 +64,6 @@ from ssm_planner.verification.proof import Proof, unproven_limits
 from ssm_planner.verification.second_opinion import (
     GRID_TOLERANCE,
     Opinion,
-    second_opinions,
     second_opinions_and_proofs,
 )
 
@@ -223,7 +222,7 @@ class PhaseSummary:
             `not_judged`.
         """
         duration, reason = opinion.duration, opinion.not_judged
-        if _is_below(opinion, self.lower_bound):
+        if duration is not None and duration < (1 - GRID_TOLERANCE) * self.lower_bound:
             reason = f"its {duration:.6g} s are below the lower bound of {self.lower_bound:.6g} s"
             duration = None
         # A duration of None stays None.
@@ -238,12 +237,6 @@ class PhaseSummary:
             sensitivities=None if is_slowed else opinion.sensitivities,
             not_judged=reason,
         )
-
-
-def _is_below(opinion: Opinion, lower_bound: float) -> bool:
-    """Return True if toppra's duration is below a lower bound, by more than its error."""
-    duration = opinion.duration
-    return duration is not None and duration < (1 - GRID_TOLERANCE) * lower_bound
 
 
 SUMMARY_FIELDS = (
@@ -505,9 +498,6 @@ class Plan:
         # These two results are computed while the second process works, and are kept.
         results = {"sizing": self.sizing, "stops": self.stops}
         opinions, proof = ask() or second_opinions_and_proofs(self.motion, self.problem)
-        lower_bounds = [phase.lower_bound for phase in self.phases[: len(opinions)]]
-        if any(map(_is_below, opinions, lower_bounds)):  # toppra's grid was too coarse.
-            opinions = second_opinions(self.motion, self.problem, lower_bounds)
         phases = map(PhaseSummary.with_opinion, self.phases, opinions)
         versions = {**self.software, "toppra": _package_version("toppra")}
         judged_plan = replace(self, phases=tuple(phases), software=versions, proof=proof)

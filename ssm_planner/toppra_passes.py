@@ -17,8 +17,11 @@ import numpy as np
 
 from ssm_planner.typing import Array
 
-Rows = tuple[Array, Array, Array]
-"""Coefficients a, b and c of k rows a s̈ + b ṡ² + c ≤ 1 in each of n intervals, (n, k) each."""
+Rows = tuple[Array, Array, Array] | Array
+"""Coefficients a, b and c of k rows a s̈ + b ṡ² + c ≤ 1 in each of n intervals, (n, k) each.
+
+They are three arrays or one array of the shape (3, n, k).
+"""
 SMALLEST_COEFFICIENT = 1e-9
 """Smallest coefficient by which a row is divided.
 
@@ -32,7 +35,7 @@ def largest_speeds(
     end_rows: Rows,
     ceiling: Array,
     *,
-    speeds: tuple[float, float],
+    speeds: tuple[float, float] | Array,
     exact_ends: bool,
 ) -> Array | None:
     """Compute the largest squared path speeds that a set of limits permits.
@@ -50,7 +53,7 @@ def largest_speeds(
         Rows that apply at the end of every interval.
     ceiling : (n + 1,) array
         Largest ṡ² that speed limits allow at each grid point.
-    speeds : (float, float)
+    speeds : (float, float) or (2,) array
         Speeds ṡ at the start and at the end of the path.
     exact_ends : bool
         True if the motion must have exactly these speeds. If false, the motion may be slower at its

@@ -46,15 +46,16 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.dynamics import friction_coefficient, motorised_joints, required_friction
-from ssm_planner.problem import JointAcceleration, MotorTorque, Robot, TaskLimits
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.problem import JointAcceleration, MotorTorque, TaskLimits
 from ssm_planner.typing import Array, Mask, frozen, record
-from ssm_planner.verification.path_rows import LimitKey, PathRows, row_coefficients
+from ssm_planner.verification.path_rows import (
+    POINT_POSITIONS,
+    SIMPSON_WEIGHTS,
+    LimitKey,
+    PathRows,
+    row_coefficients,
+)
 
-POINT_POSITIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Positions of the points in an interval, from 0 at its start to 1 at its end."""
-SIMPSON_WEIGHTS = np.array([[1.0, 0.0, 4.0, 0.0, 1.0], [0.5, 2.0, 1.0, 2.0, 0.5]]) / 6
-"""Weights of Simpson's rule on an interval and on its halves."""
 QUARTIC_DERIVATIVES = (
     np.array(
         [
@@ -88,7 +89,7 @@ MIN_DIVISOR = 1e-30
 """Lower limit of −p in the division 1 / −p, which prevents a division by 0."""
 MULTIPLIER_JUMP_TOLERANCE = 1e-12
 """Largest jump of μ that counts as rounding."""
-BISECTION_STEPS = 40
+BISECTION_STEPS = 24
 """Number of bisections that find the best y in the interval (0, F)."""
 SENSITIVITY_STEP = 0.01
 """Share by which a limit grows in the definition of a sensitivity: one percent."""
@@ -115,30 +116,19 @@ class Sensitivity:
 
 
 def path_bound(
-    trajectory: Trajectory,
-    robot: Robot,
-    limits: TaskLimits,
-    span: tuple[float, float],
-    squares: Array | None = None,
-    refinement: int = 2,
+    path: PathRows, limits: TaskLimits, squares: Array | None = None
 ) -> tuple[float | None, tuple[Sensitivity, ...] | None]:
-    """Compute a lower bound on the duration of every motion along the path of a motion.
+    """Compute a lower bound on the duration of every motion along a path.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The motion. Only its path, the speeds at its ends and its rests count.
-    robot : Robot
-        The robot with its limits.
+    path : PathRows
+        The path with n intervals. The bound holds for motions that keep its rests.
     limits : TaskLimits
         Limits on task rates and on the speed of the tool.
-    span : (float, float)
-        Start and end of the path as times of the trajectory, s. Both are breaks.
     squares : (n + 1,) array, optional
         ṡ² of a timing at the ends of the n intervals of the path. The default is the timing of the
         motion. The bound is closest if the timing is nearly optimal.
-    refinement : int
-        Factor on the number of intervals. A factor of 1 gives about 100 intervals.
 
     Returns
     -------
@@ -147,7 +137,6 @@ def path_bound(
     sensitivities : tuple of Sensitivity or None
         Changes of the bound if one of the limits that bind grows. None without a bound.
     """
-    path = PathRows.from_trajectory(trajectory, robot, span, POINT_POSITIONS, refinement)
     max_speed = np.where(path.moves, 1 / path.largest_speed_ratio(limits), 1.0)
     squares = np.ones(len(path.lengths) + 1) if squares is None else squares
     names, rows = zip(*_named_rows(path), strict=True)
@@ -155,7 +144,7 @@ def path_bound(
     multipliers = program.multipliers()
     if multipliers is None:
         return None, None
-    by_row, by_point = program.sensitivities(multipliers)
+    bound, by_row, by_point = program.evaluate(multipliers)
     changes: dict[LimitKey, float] = defaultdict(float)
     for name, change in zip(names, by_row.tolist(), strict=True):
         changes[name] += change
@@ -165,7 +154,7 @@ def path_bound(
     for k, name in enumerate(speed_ratios):
         changes[name] += float(by_point[path.moves & (binding == k)].sum())
     binding_limits = (Sensitivity(*name, change) for name, change in changes.items() if change)
-    return program.bound(multipliers), tuple(binding_limits)
+    return bound, tuple(binding_limits)
 
 
 @record
@@ -235,6 +224,7 @@ class _DualProgram:
         # s̈ is constant in an interval, so ṡ² is linear in s and grows by 2 s̈ times the length.
         gained = np.diff(squares)
         speed_squared = np.concatenate([squares[:-1] + share * gained for share in POINT_POSITIONS])
+        speed_squared = np.minimum(speed_squared, max_speed**2)
         acceleration = np.tile(gained / (2 * path.lengths), len(POINT_POSITIONS))[:, None]
         a, b, c, k = row_coefficients(np.stack(rows, axis=2))
         y = np.sqrt(speed_squared)
@@ -336,8 +326,11 @@ class _DualProgram:
         )
         return None if result.x is None else np.maximum(result.x[: p.shape[1]], 0.0)
 
-    def sensitivities(self, multipliers: Array) -> tuple[Array, Array]:
-        """Compute the changes of the bound if a limit grows by one percent.
+    def evaluate(self, multipliers: Array) -> tuple[float, Array, Array]:
+        """Compute the lower bound for given multipliers, and its changes with the limits.
+
+        The bound is the last line of the equation in the docstring of this module, minus the
+        estimated error of Simpson's rule. The changes are those if a limit grows by one percent.
 
         Parameters
         ----------
@@ -346,60 +339,29 @@ class _DualProgram:
 
         Returns
         -------
+        bound : float
+            The bound, s.
         by_row : (rows,) array
             Changes that the limit of each row causes, s.
         by_point : (5n,) array
             Contributions of the points to the change that the speed limit causes, s.
         """
+        p, kappa, mu = self.p @ multipliers, self.kappa @ multipliers, self.mu @ multipliers
+        y, end = _minimise_integrand(p, kappa, self.max_speed), self.max_speed
+        values = _integrand(y, p, kappa) + self.excess @ multipliers
+        coarse_integral, fine_integral = self.weights @ values
+        integration_error = abs(fine_integral - coarse_integral)
+        # The jumps of μ may reduce the bound by F² max(Δμ, 0).
+        jump = self.jump @ multipliers
+        losses = self.max_speed_squared * np.where(jump > MULTIPLIER_JUMP_TOLERANCE, jump, 0.0)
+        bound = fine_integral - integration_error + mu[-1] - mu[0] - losses.sum()
         # The number −1 stands for a multiplier that is 0.
         ends = np.append(multipliers, 0.0)[self.unknowns]
         integrals = np.einsum("enr,n->r", ends, self.lengths) / 2
-        p, kappa, end = self.p @ multipliers, self.kappa @ multipliers, self.max_speed
-        y = _minimise_integrand(p, kappa, end)
         speed_multiplier = np.where(y == end, 1 - 2 * p * end**3 - kappa * end**2, 0.0)
         by_point = self.weights[0] * np.maximum(speed_multiplier, 0.0) / end
-        by_point[1 : len(self.lengths)] += 2 * self._jump_losses(multipliers)
-        return -SENSITIVITY_STEP * integrals, -SENSITIVITY_STEP * by_point
-
-    def bound(self, multipliers: Array) -> float:
-        """Compute the lower bound on the duration for given multipliers.
-
-        The bound is the last line of the equation in the docstring of this module, minus the
-        estimated error of Simpson's rule.
-
-        Parameters
-        ----------
-        multipliers : (unknowns,) array
-            Any values that are at least 0.
-
-        Returns
-        -------
-        float
-            The bound, s.
-        """
-        p, kappa = self.p @ multipliers, self.kappa @ multipliers
-        minima = _integrand(_minimise_integrand(p, kappa, self.max_speed), p, kappa)
-        coarse_integral, fine_integral = self.weights @ (minima + self.excess @ multipliers)
-        integration_error = abs(fine_integral - coarse_integral)
-        mu = self.mu @ multipliers
-        losses = self._jump_losses(multipliers).sum()
-        return float(fine_integral - integration_error + mu[-1] - mu[0] - losses)
-
-    def _jump_losses(self, multipliers: Array) -> Array:
-        """Compute by how much the jumps of μ may reduce the bound.
-
-        Parameters
-        ----------
-        multipliers : (unknowns,) array
-            Any values that are at least 0.
-
-        Returns
-        -------
-        (n − 1,) array
-            F² max(Δμ, 0) at the grid points between the intervals, s.
-        """
-        jump = self.jump @ multipliers
-        return self.max_speed_squared * np.where(jump > MULTIPLIER_JUMP_TOLERANCE, jump, 0.0)
+        by_point[1 : len(self.lengths)] += 2 * losses
+        return float(bound), -SENSITIVITY_STEP * integrals, -SENSITIVITY_STEP * by_point
 
 
 def _named_rows(path: PathRows) -> list[tuple[LimitKey, Array]]:

@@ -25,8 +25,23 @@ from ssm_planner.trajectory import SHORTEST_PIECE, Trajectory, part_indices
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.pieces import build_piece_block, rest_speeds
 
+POINT_POSITIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Positions of the points in an interval, from 0 at its start to 1 at its end."""
+SIMPSON_WEIGHTS = np.array([[1.0, 0.0, 4.0, 0.0, 1.0], [0.5, 2.0, 1.0, 2.0, 0.5]]) / 6
+"""Weights of Simpson's rule on an interval and on its halves."""
 PATH_INTERVALS = 100
-"""Approximate number of intervals of a motion before refinement."""
+"""Approximate number of intervals of a smooth motion before refinement."""
+SWITCH_REFINEMENT = 5.0
+"""Factor by which intervals are shorter where an acceleration changes by its limit.
+
+The error of a grid is largest at such changes. It is proportional to the change and to the squared
+length of the interval, so the factor is proportional to the square root of the change.
+"""
+PIECES_PER_INTERVAL = 4
+"""Largest average number of polynomial pieces in an interval before refinement.
+
+The accelerations of a plan oscillate slightly, with a wavelength of about four pieces.
+"""
 SMOOTH_JUMP = 1e-4
 """Largest jump of an acceleration within an interval, as a share of its limit."""
 MIN_SPEED_RATIO = 1e-9
@@ -94,7 +109,6 @@ class PathRows:
         trajectory: Trajectory,
         robot: Robot,
         span: tuple[float, float],
-        point_positions: tuple[float, ...],
         refinement: int = 2,
     ) -> "PathRows":
         """Sample the path of a motion between two times.
@@ -107,53 +121,48 @@ class PathRows:
             The robot with its limits.
         span : (float, float)
             Start and end of the path as times of the trajectory, s. Both are breaks.
-        point_positions : tuple of float
-            Positions of the m points in an interval, from 0 at its start to 1 at its end.
         refinement : int
-            Factor on the number of intervals, which is about `PATH_INTERVALS` for a factor of 1.
+            Factor on the number of intervals, which is at least `PATH_INTERVALS` for a factor of 1.
 
         Returns
         -------
         PathRows
-            The path at m points in each of n intervals.
+            The path at five points in each of n intervals.
         """
         first, last = np.searchsorted(trajectory.breaks, np.array(span) - SHORTEST_PIECE / 2)
-        sections, moves = _smooth_sections(trajectory, robot, slice(first, last))
+        sections, moves, change = _smooth_sections(trajectory, robot, slice(first, last))
         knots = trajectory.breaks[np.append(sections, last)]
         lengths = np.diff(knots)
-        counts = np.maximum(np.rint(PATH_INTERVALS * lengths / lengths.sum()), 1).astype(int)
-        counts *= refinement
+        density = PATH_INTERVALS * np.maximum(1.0, SWITCH_REFINEMENT * np.sqrt(change))
+        density = np.maximum(density, (last - first) / PIECES_PER_INTERVAL)
+        counts = refinement * np.ceil(density * lengths / lengths.sum()).astype(int)
         index, k = part_indices(counts)
         width = (lengths / counts)[index]
         starts = knots[index] + k * width
-        positions = np.array(point_positions)
+        positions = np.array(POINT_POSITIONS)
         times = (starts + np.multiply.outer(positions, width)).ravel()
         # At a break, the values are those of the piece within the interval, so the pieces are
         # searched slightly inside.
         inward = np.multiply.outer(0.5 - positions, 1e-6 * width).ravel()
         piece = trajectory.piece_of(times + inward)
         samples = trajectory.sample_pieces(piece, times - trajectory.breaks[piece])
-        q = samples.q.reshape(len(point_positions), -1, 4)
+        q = samples.q.reshape(len(positions), -1, 4)
         travel = q[-1] - q[0]
         direction = np.sign(travel) * (np.abs(travel) > rest_speeds(robot) * width[:, None])
         # A velocity against the direction shows that the joint reverses within the interval.
         direction[(direction * samples.qd.reshape(q.shape) < 0).any(axis=0)] = 0.0
-        speed = np.stack([rate * samples.qd for _, rate in PROBE_STATES])
-        acceleration = np.stack(
-            [u * samples.qd + rate**2 * samples.qdd for u, rate in PROBE_STATES]
-        )
         body = RigidBody.from_robot(robot)
-        motions = zip(speed, acceleration, strict=True)
-        effort = np.stack([body.inverse_dynamics(samples.q, *motion) for motion in motions])
+        pushed, driven, load = body.path_load(samples.q, samples.qd, samples.qdd)
+        u, rate = np.array(PROBE_STATES).T[..., None, None]
         return cls(
             robot,
             width,
-            np.tile(moves[index], len(point_positions)),
+            np.tile(moves[index], len(positions)),
             samples.q,
-            direction=np.tile(direction, (len(point_positions), 1)),
-            speed=speed,
-            acceleration=acceleration,
-            effort=effort,
+            direction=np.tile(direction, (len(positions), 1)),
+            speed=rate * samples.qd,
+            acceleration=u * samples.qd + rate**2 * samples.qdd,
+            effort=u * pushed + rate**2 * driven + load,
         )
 
     @property
@@ -258,7 +267,9 @@ class PathRows:
         return ratios
 
 
-def _smooth_sections(trajectory: Trajectory, robot: Robot, pieces: slice) -> tuple[Indices, Mask]:
+def _smooth_sections(
+    trajectory: Trajectory, robot: Robot, pieces: slice
+) -> tuple[Indices, Mask, Array]:
     """Divide a motion into sections of consecutive pieces between which the motion is smooth.
 
     A section ends where an acceleration jumps, where a joint starts, stops or reverses, or after
@@ -280,6 +291,9 @@ def _smooth_sections(trajectory: Trajectory, robot: Robot, pieces: slice) -> tup
         Index of the first piece of every section.
     moves : (m,) array of bool
         True if a joint moves in the section.
+    changes : (m,) array
+        Largest change of an acceleration from the piece before the section to the piece after it,
+        as a share of its limit.
     """
     times = trajectory.breaks[pieces.start : pieces.stop + 1]
     block = build_piece_block(times[:-1], np.diff(times), trajectory.pieces(pieces))
@@ -293,4 +307,8 @@ def _smooth_sections(trajectory: Trajectory, robot: Robot, pieces: slice) -> tup
     group = np.arange(len(moves)) // max(1, len(moves) // PATH_INTERVALS)
     is_last = np.column_stack([turns, jumps, np.diff(group)]).any(axis=1)
     first_pieces = np.append(0, np.flatnonzero(is_last) + 1)
-    return pieces.start + first_pieces, moves[first_pieces].any(axis=1)
+    # Accelerations before every section and after it.
+    before = np.vstack([starts[:1, 2], ends[:-1, 2]])[first_pieces]
+    after = np.vstack([starts[first_pieces[1:], 2], ends[-1:, 2]])
+    changes = np.abs(after - before) / robot.accelerations
+    return pieces.start + first_pieces, moves[first_pieces].any(axis=1), changes.max(axis=1)

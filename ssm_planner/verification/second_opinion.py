@@ -5,23 +5,22 @@ shorter duration, the planner missed it. The planner and this module share only 
 calls toppra. The main function is `second_opinions`.
 
 The path parameter s is the time of the motion. With u = s̈ and x = ṡ², every limit of `path_rows`
-is a row a u + b x + c ≤ 1. toppra imposes the row at both ends of every grid interval, and u is
-constant in between. The timings that toppra compares therefore include every motion that keeps its
-limits, up to the error of the grid.
+is a row a u + b x + c ≤ 1. In every interval of the grid, u is constant, and the mean of every row
+over the interval must be at most 1. Simpson's rule computes the mean. Every row must also permit
+the speeds at the grid points: there must be some u that satisfies all rows of the point.
 
-Friction depends on the speed, and viscous friction on √x. In every pass, the friction coefficients
-and the tangents of √x are taken at the speeds of the previous pass. The first pass takes them at
+Friction depends on the speed, and viscous friction on √x. On every grid, the friction coefficients
+and the tangents of √x are taken at the speeds of the previous grid. The first grid takes them at
 the speeds of the motion.
 
-The error of a duration T is proportional to the length of the grid intervals. The result is
-therefore the extrapolation 2 T(2n) − T(n) of the durations on n and 2n intervals. The grid is
-refined until the estimated error is at most `GRID_TOLERANCE`.
+The error of a duration T is proportional to the squared length of the grid intervals. The result
+is therefore the extrapolation T(2n) + (T(2n) − T(n))/3 of the durations on n and 2n intervals. The
+grid is refined until this correction is at most `GRID_TOLERANCE`.
 
 Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,36 +36,29 @@ from ssm_planner.toppra_passes import largest_speeds
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 from ssm_planner.verification.path_bound import Sensitivity, path_bound
-from ssm_planner.verification.path_rows import PathRows, row_coefficients
+from ssm_planner.verification.path_rows import (
+    POINT_POSITIONS,
+    SIMPSON_WEIGHTS,
+    PathRows,
+    row_coefficients,
+)
 from ssm_planner.verification.proof import Proof, prove_motion
 
 GRID_TOLERANCE = 1e-5
-"""Largest estimate of the relative error of toppra's duration at which the refinement ends.
+"""Largest relative correction of toppra's duration by extrapolation, which estimates its error.
 
-The estimate is the median of three differences: between T(n) and T(2n), between the last two
-extrapolated durations, and between the extrapolated duration and the lower bound. One of them alone
-can be small by coincidence. A duration below the bound by more than this tolerance is an error of
-toppra.
+A duration below the bound by more than this tolerance is an error of toppra.
 """
-SAVED_TIME_TOLERANCE = 0.01
-"""Largest estimate of the error, as a share of the difference between toppra and the motion.
-
-The refinement ends at the larger one of this error and of that by `GRID_TOLERANCE`. This error is
-the larger one if the durations differ by more than 0.1 %.
-"""
-LARGEST_BOUND_GAP = 2e-4
-"""Largest relative distance of the bound from toppra's duration.
-
-If the distance is larger, the bound is computed again on the next grid.
-"""
-MAX_PASSES = 12
-"""Largest number of passes, that is, of calls of toppra with updated friction."""
-PASS_TOLERANCE = 2e-6
-"""Relative change of the duration at which the passes have converged."""
 MAX_PATH_SPEED = 10.0
 """Largest ṡ. Where the velocities of all joints are 0 for an instant, no other limit bounds ṡ."""
 MIN_SQUARED_SPEED = 1e-9
 """Smallest ṡ² at which a tangent is taken."""
+REVERSAL_MARGIN = 1e-3
+"""Largest |a|/b, as a share of an interval, at which a row does not limit s̈ but only ṡ²."""
+MIN_COEFFICIENT = 1e-30
+"""Lower limit of |a|, which prevents a division by 0."""
+CEILING_STEPS = 5
+"""Number of Newton steps that find the largest ṡ² at a point."""
 
 
 @record
@@ -90,9 +82,7 @@ class Opinion:
     """Reason why toppra does not give a duration."""
 
 
-def second_opinions(
-    trajectory: Trajectory, problem: Problem, lower_bounds: Sequence[float] = ()
-) -> tuple[Opinion, ...]:
+def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, ...]:
     """Compute the shortest duration of every phase along its path.
 
     Parameters
@@ -101,9 +91,6 @@ def second_opinions(
         The motion. Only its polynomials and phases count.
     problem : Problem
         The problem with robot and limits.
-    lower_bounds : sequence of float
-        Known lower bounds on the durations of the phases, s. toppra's grid is refined until its
-        durations are not below them.
 
     Returns
     -------
@@ -120,16 +107,14 @@ def second_opinions(
     if len(requests) != len(spans):
         requests = [next(filter(None, requests), "")] * len(spans)
     opinions = []
-    bounds = lower_bounds or [0.0] * len(spans)
-    for span, request, lower_bound in zip(spans, requests, bounds, strict=True):
+    for span, request in zip(spans, requests, strict=True):
         if span.start == span.end:
             opinions.append(Opinion(duration=0.0, bound=0.0, sensitivities=()))
         elif request:
             opinions.append(Opinion(not_judged=request))
         else:
             arguments = trajectory, problem.robot, problem.task_limits
-            times = span.start, span.end
-            opinions.append(shortest_path_duration(*arguments, times, lower_bound))
+            opinions.append(shortest_path_duration(*arguments, (span.start, span.end)))
     return tuple(opinions)
 
 
@@ -162,7 +147,6 @@ def shortest_path_duration(
     robot: Robot,
     limits: TaskLimits,
     span: tuple[float, float],
-    lower_bound: float = 0.0,
 ) -> Opinion:
     """Compute the shortest duration along a path with toppra, and a lower bound on it.
 
@@ -176,9 +160,6 @@ def shortest_path_duration(
         Limits on task rates and on the speed of the tool.
     span : (float, float)
         Start and end of the path as times of the trajectory, s. Both are breaks.
-    lower_bound : float
-        Known lower bound on the duration, s. The grid is refined until toppra's duration is not
-        below it. On the finest grid, a duration below it is returned.
 
     Returns
     -------
@@ -187,37 +168,25 @@ def shortest_path_duration(
         does not converge.
     """
     grid, squares = np.array(span) - span[0], np.ones(2)
-    duration = estimate = np.inf
-    bound, changes, opinion = None, None, None
-    for refinement in (1, 2, 4, 8, 16, 32, 64):
-        path = PathRows.from_trajectory(trajectory, robot, span, (0.0, 1.0), refinement)
-        coarse_grid, grid = grid, path.grid
-        # The friction converges on the first grid. It changes little on the finer ones.
-        tolerance = PASS_TOLERANCE if refinement == 1 else np.inf
-        result = _fastest_timing(
-            path, path.largest_speed_ratio(limits), np.interp(grid, coarse_grid, squares), tolerance
-        )
+    duration = error = np.inf
+    for refinement in (1, 2, 4, 8, 16, 32):
+        path = PathRows.from_trajectory(trajectory, robot, span, refinement)
+        if not path.moves.any():
+            return Opinion(grid[-1], grid[-1], ())
+        squares, grid = np.interp(path.grid, grid, squares), path.grid
+        result = _fastest_timing(path, limits, squares)
         if result is None:
             break
         squares = result
-        # After the first grid, the estimate is −∞, so that the refinement continues.
         coarse, duration = duration, _timing_duration(path, squares)
-        previous_estimate, estimate = estimate, 2 * duration - coarse
-        if (bound or 0.0) < (1 - LARGEST_BOUND_GAP) * estimate:
-            bound, changes = path_bound(
-                trajectory, robot, limits, span, squares=squares, refinement=refinement
-            )
-        proven = bound or 0.0
-        differences = coarse - duration, estimate - previous_estimate, estimate - proven
-        saved = SAVED_TIME_TOLERANCE * abs(grid[-1] - duration)
-        is_close = np.median(np.abs(differences)) <= max(GRID_TOLERANCE * duration, saved)
-        if is_close and estimate >= (1 - GRID_TOLERANCE) * proven:
-            opinion = Opinion(max(estimate, proven), bound, changes)
-            if estimate >= (1 - GRID_TOLERANCE) * lower_bound:
-                break
-    if opinion is not None:
-        return opinion
-    bound = bound or path_bound(trajectory, robot, limits, span)[0]
+        # After the first grid, the error is infinite, so that the refinement continues.
+        error = (coarse - duration) / 3
+        if abs(error) <= GRID_TOLERANCE * duration:
+            break
+    bound, changes = path_bound(path, limits, squares)
+    estimate, proven = duration - error, bound or 0.0
+    if abs(error) <= GRID_TOLERANCE * duration and estimate >= (1 - GRID_TOLERANCE) * proven:
+        return Opinion(max(estimate, proven), bound, changes)
     return Opinion(bound=bound, not_judged="toppra does not converge")
 
 
@@ -262,58 +231,108 @@ def _unsupported_request(entry: Any) -> str:
     return "a duration is requested" if timed else ""
 
 
-def _fastest_timing(
-    path: PathRows, speed_ratio: Array, squares: Array, tolerance: float
-) -> Array | None:
-    """Compute the fastest timing of a path with toppra, with repeated passes.
+def _fastest_timing(path: PathRows, limits: TaskLimits, squares: Array) -> Array | None:
+    """Compute the fastest timing of a path with toppra.
 
-    Friction depends on the speed, which is the result. Each pass therefore takes the friction at
-    the speeds of the previous pass.
+    Friction depends on the speed, which is the result. It is taken at given speeds.
 
     Parameters
     ----------
     path : PathRows
-        The path at both ends of n intervals.
-    speed_ratio : (2n,) array
-        Largest ratio of a speed to its limit at ṡ = 1, at the starts of all intervals and then at
-        their ends.
+        The path with n intervals.
+    limits : TaskLimits
+        Limits on task rates and on the speed of the tool.
     squares : (n + 1,) array
-        ṡ² at the grid points. The first pass takes the friction at these speeds.
-    tolerance : float
-        Relative change of the duration at which the passes have converged.
+        ṡ² at the grid points, at which the friction is taken.
 
     Returns
     -------
     (n + 1,) array or None
-        ṡ² at the grid points. None if toppra finds no timing or the passes do not converge.
+        ṡ² at the grid points. None if toppra finds no timing.
     """
-    # In a rest, the timing must keep the duration, so ṡ is at most 1.
-    max_speed = np.where(path.moves, MAX_PATH_SPEED, 1.0)
-    start_ceiling, end_ceiling = np.split(np.minimum(1 / speed_ratio, max_speed) ** 2, 2)
-    ceiling = np.minimum(np.append(start_ceiling, np.inf), np.append(np.inf, end_ceiling))
+    speed_ratio = path.largest_speed_ratio(limits)
+    # A rest keeps its duration for every ṡ.
+    max_speed = np.minimum(1 / speed_ratio, MAX_PATH_SPEED)
+    max_square = max_speed.reshape(len(POINT_POSITIONS), -1)[[0, -1]] ** 2
     # An end at rest rests for every ṡ. At a moving end ṡ ≤ 1 is allowed, because the motion itself
     # may exceed a limit by rounding.
     is_rest = speed_ratio[[0, -1]] <= REST_FRACTION
-    start_speed, end_speed = np.where(is_rest, np.sqrt(ceiling[[0, -1]]), 1.0)
-    duration = _timing_duration(path, squares)
-    for _ in range(MAX_PASSES):
-        previous = duration
-        halves = [np.split(matrix, 2) for matrix in _linear_rows(path, squares)]
-        start_rows, end_rows = zip(*halves, strict=True)
-        result = largest_speeds(
-            path.grid,
-            start_rows,
-            end_rows,
-            ceiling,
-            speeds=(start_speed, end_speed),
-            exact_ends=False,
+    rows = _linear_rows(path, squares)
+    start, end = np.minimum(max_square, _largest_squares(rows, path.lengths))
+    ceiling = np.minimum(np.append(start, np.inf), np.append(np.inf, end))
+    # The gain x₁ − x₀ of ṡ² is s̈ on a grid with intervals of the length 1/2.
+    result = largest_speeds(
+        np.arange(len(squares)) / 2,
+        _mean_rows(rows, path.lengths),
+        rows[:, 0, :, :0],
+        ceiling,
+        speeds=np.sqrt(np.where(is_rest, ceiling[[0, -1]], 1.0)),
+        exact_ends=False,
+    )
+    return result if result is not None and result.min() > 0 else None
+
+
+def _largest_squares(rows: Array, lengths: Array) -> Array:
+    """Compute the largest ṡ² at which some s̈ satisfies all rows, at both ends of every interval.
+
+    A row with a > 0 is an upper limit of s̈, and a row with a < 0 a lower limit. The distance
+    between the smallest upper and the largest lower limit is a concave and piecewise linear
+    function of ṡ². Newton's method finds its zero.
+
+    Parameters
+    ----------
+    rows : (3, 5, n, rows) array
+        Coefficients a, b and c of the rows at the five points of all intervals.
+    lengths : (n,) array
+        Lengths of the intervals, s.
+
+    Returns
+    -------
+    (2, n) array
+        Largest ṡ² at the starts and at the ends of the intervals.
+    """
+    a, b, c = rows[:, [0, -1]]
+    a = np.where(np.abs(a) < REVERSAL_MARGIN * lengths[:, None] * np.abs(b), 0.0, a)
+    scale = np.maximum(np.abs(a), MIN_COEFFICIENT)
+    room, slope = (1 - c) / scale, b / scale
+    x = np.full(a.shape[:2], MAX_PATH_SPEED**2)
+    for _ in range(CEILING_STEPS):
+        limit = room - slope * x[..., None]
+        pair = [np.where(side, limit, np.inf).argmin(axis=2) for side in (a >= 0, a <= 0)]
+        total_room, total_slope = (
+            sum(np.take_along_axis(values, row[..., None], 2)[..., 0] for row in pair)
+            for values in (room, slope)
         )
-        if result is None or result.min() <= 0:
-            return None
-        squares, duration = result, _timing_duration(path, result)
-        if abs(duration - previous) <= tolerance * duration:
-            return squares
-    return None
+        zero = np.divide(total_room, total_slope, out=x.copy(), where=total_slope > 0)
+        x = np.clip(zero, 0.0, x)
+    return x
+
+
+def _mean_rows(rows: Array, lengths: Array) -> tuple[Array, Array, Array]:
+    """Compute the means of the rows over the intervals, as rows in the gain of ṡ² and in ṡ².
+
+    With the squared speeds x₀ and x₁ at the ends of an interval of the length Δ, s̈ is
+    (x₁ − x₀)/(2Δ), and the mean of a row is p x₀ + q x₁ + r. toppra finds the fastest timing only
+    if a larger x₀ does not reduce the largest x₁. Where a changes its sign, p and q can both be
+    positive. The larger of them is then replaced by p + q, and the other one by 0.
+
+    Parameters
+    ----------
+    rows : (3, 5, n, rows) array
+        Coefficients a, b and c of the rows at the five points of all intervals.
+    lengths : (n,) array
+        Lengths Δ of the intervals, s.
+
+    Returns
+    -------
+    q, p + q, r : (n, rows) arrays
+        Coefficients of x₁ − x₀, of x₀, and of 1.
+    """
+    a, b, c = np.tensordot(SIMPSON_WEIGHTS[1], rows, (0, 1))
+    q = a / (2 * lengths[:, None])
+    q += np.tensordot(SIMPSON_WEIGHTS[1] * POINT_POSITIONS, rows[1], 1)
+    both = np.minimum(q, b - q) > 0
+    return np.where(both, np.where(2 * q > b, b, 0.0), q), b, c
 
 
 def _timing_duration(path: PathRows, squares: Array) -> float:
@@ -324,7 +343,7 @@ def _timing_duration(path: PathRows, squares: Array) -> float:
     path : PathRows
         The path with n intervals.
     squares : (n + 1,) array
-        ṡ² at the grid points. s̈ is constant in between.
+        ṡ² at the grid points. s̈ is constant in between. Rests keep their durations.
 
     Returns
     -------
@@ -332,10 +351,11 @@ def _timing_duration(path: PathRows, squares: Array) -> float:
         Duration, s.
     """
     root = np.sqrt(squares)
-    return float((2 * path.lengths / (root[1:] + root[:-1])).sum())
+    mean_speed = (root[1:] + root[:-1]) / 2
+    return float((path.lengths / np.where(path.moves[: len(mean_speed)], mean_speed, 1.0)).sum())
 
 
-def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
+def _linear_rows(path: PathRows, squares: Array) -> Array:
     """Compute the limits on accelerations and torques as rows a s̈ + b ṡ² + c ≤ 1.
 
     Viscous friction adds a term in ṡ = √x with x = ṡ². It is linearised by the tangent at given
@@ -344,17 +364,19 @@ def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
     Parameters
     ----------
     path : PathRows
-        The path at both ends of n intervals.
+        The path with n intervals.
     squares : (n + 1,) array
         x₀ at the grid points. The friction coefficients are those at these speeds.
 
     Returns
     -------
-    a, b, c : (2n, rows) arrays
-        Coefficients at the starts of all intervals, followed by those at the ends.
+    (3, 5, n, rows) array
+        Coefficients a, b and c at the five points of all intervals.
     """
-    u = np.tile(np.diff(squares) / (2 * path.lengths), 2)
-    x = np.concatenate([squares[:-1], squares[1:]])
+    positions = np.array(POINT_POSITIONS)[:, None]
+    gained = np.diff(squares)
+    u = np.tile(gained / (2 * path.lengths), len(positions))
+    x = (squares[:-1] + positions * gained).ravel()
     root = np.sqrt(np.maximum(x, MIN_SQUARED_SPEED))
     rows = path.acceleration_rows()
     for i, drive, motor in motorised_joints(path.robot.joints):
@@ -369,4 +391,5 @@ def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
         rows += [row_1, row_2, -torque]
     a, b, c, k = row_coefficients(np.stack(rows, axis=2))
     root = root[:, None]
-    return a, b + k / (2 * root), c + k * root / 2
+    coefficients = a, b + k / (2 * root), c + k * root / 2
+    return np.reshape(coefficients, (3, len(positions), len(gained), -1))

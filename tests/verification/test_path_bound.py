@@ -53,12 +53,12 @@ def test_the_bound_is_valid_for_any_guess_of_the_timing() -> None:
     """The timing only guides the search for multipliers. A bad timing gives a smaller bound."""
     result = load_plan(ROOT / "results/tilt_insert")
     span = result.motion.phases[0].start, result.motion.phases[0].end
-    path = path_rows.PathRows.from_trajectory(result.motion, result.robot, span, (0.0, 1.0))
+    path = path_rows.PathRows.from_trajectory(result.motion, result.robot, span)
     rng = np.random.default_rng(0)
     bounds = []
     for size in (0.02, 0.2, 0.9):
         squares = 1 - size * rng.uniform(0, 1, len(path.lengths) + 1)
-        bounds.append(path_bound(result.motion, result.robot, result.limits, span, squares)[0])
+        bounds.append(path_bound(path, result.limits, squares)[0])
     known = [bound for bound in bounds if bound is not None]
     assert known
     assert max(known) <= (1 + ROUNDING) * (span[1] - span[0])
@@ -114,7 +114,8 @@ def test_the_integral_does_not_depend_on_the_grid(monkeypatch: pytest.MonkeyPatc
     bounds = []
     for intervals in (200, 700):
         monkeypatch.setattr(path_rows, "PATH_INTERVALS", intervals)
-        bounds.append(path_bound(result.motion, result.robot, result.limits, span)[0])
+        path = path_rows.PathRows.from_trajectory(result.motion, result.robot, span)
+        bounds.append(path_bound(path, result.limits)[0])
     assert bounds[0] == pytest.approx(bounds[1], rel=1e-5)
 
 
@@ -155,7 +156,8 @@ def test_a_rest_keeps_its_duration() -> None:
     motion = Trajectory.from_samples(
         [0.0, 1.0], np.tile([0.3, 1.15, 0.1, 0.0], (2, 1)), np.zeros((2, 4))
     )
-    bound, _ = path_bound(motion, problem.robot, problem.task_limits, (0.0, 1.0))
+    path = path_rows.PathRows.from_trajectory(motion, problem.robot, (0.0, 1.0))
+    bound, _ = path_bound(path, problem.task_limits)
     assert bound == pytest.approx(1.0)
 
 
@@ -172,7 +174,8 @@ def test_a_joint_that_returns_within_an_interval_does_not_rest() -> None:
     coefficients[:, 2, 1] = -coefficients[:, 1, 1]
     motion = Trajectory(np.arange(count + 1.0), coefficients, ())
     use = speed / problem.robot.joints[1].velocity
-    bound, _ = path_bound(motion, problem.robot, problem.task_limits, (0.0, float(count)))
+    path = path_rows.PathRows.from_trajectory(motion, problem.robot, (0.0, float(count)))
+    bound, _ = path_bound(path, problem.task_limits)
     assert bound is None or bound < 2 * count * use
 
 

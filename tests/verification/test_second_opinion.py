@@ -141,6 +141,56 @@ def test_rests_within_a_phase_keep_their_duration() -> None:
     assert duration == pytest.approx(expected + 0.7, rel=SLOW_ERROR)
 
 
+@pytest.mark.parametrize("joint", [0, 2])
+@pytest.mark.parametrize("distance", [0.05, 0.1, 0.4, 0.9])
+def test_a_bang_bang_motion_has_its_exact_duration(joint: int, distance: float) -> None:
+    problem = load_problem("tilt_insert")
+    motion, expected = bang_bang(problem.robot, joint, distance)
+    opinion = shortest_path_duration(motion, problem.robot, problem.task_limits, (0.0, 1.5))
+    assert opinion.duration == pytest.approx(expected, rel=GRID_TOLERANCE)
+
+
+def test_motions_before_and_after_a_rest_have_their_exact_durations() -> None:
+    """The path speed may jump in a rest, and the rest keeps its duration."""
+    problem = load_problem("tilt_insert")
+    motion, expected = bang_bang(problem.robot, 2, 0.4)
+    ends = motion.sample([1.5, 0.0]).q
+    back = Trajectory.from_samples([0.0, 0.9], ends, np.zeros((2, 4)))
+    parts = [(motion.breaks, motion.coefficients), ([0.0, 0.7], rest_coefficients(ends[0]))]
+    parts.append((back.breaks, back.coefficients))
+    whole = join_sections([("", np.array(breaks), pieces) for breaks, pieces in parts])
+    span = 0.0, float(whole.breaks[-1])
+    opinion = shortest_path_duration(whole, problem.robot, problem.task_limits, span)
+    assert opinion.duration == pytest.approx(2 * expected + 0.7, rel=GRID_TOLERANCE)
+
+
+@pytest.mark.parametrize("count", [400, 800, 1600])
+@pytest.mark.parametrize("pieces_per_wave", [4, 8])
+def test_oscillations_of_the_polynomials_do_not_change_the_duration(
+    count: int, pieces_per_wave: int
+) -> None:
+    """The acceleration oscillates by 1 % of its limit, but the path of the joint is the same."""
+    problem = load_problem("tilt_insert")
+    motion, expected = bang_bang(problem.robot, 2, 0.4)
+    t = np.linspace(0.0, 1.5, count + 1)
+    samples = motion.sample(t)
+    frequency = 2 * np.pi * count / (1.5 * pieces_per_wave)
+    size = 0.01 * problem.robot.joints[2].acceleration / frequency**2
+    window = 2 * np.pi / 1.5
+    # The product of (1 − cos) / 2 and a sine is a sum of three sines.
+    for state, order in ((samples.q, 0), (samples.qd, 1), (samples.qdd, 2)):
+        for share, rate in (
+            (0.5, frequency),
+            (-0.25, frequency - window),
+            (-0.25, frequency + window),
+        ):
+            wave = np.sin(rate * t + 0.7 + order * np.pi / 2)
+            state[:, 2] += size * share * rate**order * wave
+    oscillating = Trajectory.from_samples(t, samples.q, samples.qd, samples.qdd)
+    opinion = shortest_path_duration(oscillating, problem.robot, problem.task_limits, (0.0, 1.5))
+    assert opinion.duration == pytest.approx(expected, rel=GRID_TOLERANCE)
+
+
 def test_a_phase_at_rest_keeps_its_duration() -> None:
     """Toppra and the bound give the duration of a dwell, because no joint moves."""
     problem = load_problem("tilt_insert")
@@ -174,16 +224,6 @@ def test_a_duration_below_a_proven_bound_is_computed_on_finer_grids(seed: int) -
     assert [phase.not_judged for phase in result.phases] == [None] * len(result.phases)
 
 
-def test_a_wrong_bound_does_not_change_the_duration() -> None:
-    """A lower bound above the true duration is contradicted, because toppra does not follow it."""
-    made = load_plan(ROOT / "results/eye_approach")
-    (span,) = made.motion.phases
-    arguments = made.motion, made.robot, made.problem.task_limits, (span.start, span.end)
-    opinion = shortest_path_duration(*arguments)
-    contradicted = shortest_path_duration(*arguments, lower_bound=1.01 * span.end)
-    assert contradicted.duration == pytest.approx(opinion.duration, rel=GRID_TOLERANCE)
-
-
 def test_sections_end_where_the_acceleration_jumps_or_a_joint_reverses() -> None:
     """Intervals cross a break only if the motion is smooth there and no joint turns."""
     problem = load_problem("tilt_insert")
@@ -200,8 +240,8 @@ def test_sections_end_where_the_acceleration_jumps_or_a_joint_reverses() -> None
     )
     for whole in (smooth, there_and_back):
         end = float(whole.breaks[-1])
-        path = PathRows.from_trajectory(whole, problem.robot, (0.0, end), (0.0, 1.0), 1)
-        assert len(path.lengths) <= 1.1 * path_rows.PATH_INTERVALS
+        path = PathRows.from_trajectory(whole, problem.robot, (0.0, end), 1)
+        assert len(path.lengths) <= 4 * path_rows.PATH_INTERVALS
         assert path.lengths.sum() == pytest.approx(end)
         assert (np.abs(path.direction[:, 2]) == 1).all()
 
