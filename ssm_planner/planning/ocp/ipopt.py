@@ -298,9 +298,7 @@ def _ipopt_by_start(
         ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS_BY_START[start]}
         # Initial multipliers mu_init / slack instead of 1 save a fifth of the iterations, except if
         # the coordinates are joints with limited jerk.
-        if start == "cold" and not (
-            structure.coordinates_are_joints and structure.has_continuous_acceleration
-        ):
+        if start == "cold" and not structure.limits_jerk:
             ipopt_options["bound_mult_init_method"] = "mu-based"
         return ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": ipopt_options})
 

@@ -69,13 +69,8 @@ class NlpStructure:
     """Number of elements of each block."""
     has_continuous_acceleration: bool
     """True if ü is continuous, because jerk is limited."""
-    coordinates_are_joints: bool
-    """True if the coordinates are joints, False if there is only the path parameter s.
-
-    Joints have jerk limits as constraints of the program. Along a path, the element model limits
-    the jerk. For joints, the objective also contains a small smoothing term, because a joint that
-    does not limit the duration could reach the borders in many ways.
-    """
+    limits_jerk: bool
+    """True if |u⃛| is bounded by linear constraints. Along a path, path constraints limit jerk."""
 
     def with_divided_elements(self, counts: Indices) -> "NlpStructure":
         """Return the structure with elements divided into equal parts.

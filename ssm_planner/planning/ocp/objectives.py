@@ -165,12 +165,14 @@ def _least_cost_motion(fastest: RefinedMotion) -> NlpSolution | None:
     heated = objective != "time" and any(motorised_joints(robot.joints))
     if not (heated or cooled):
         return None
-    if solution.solver == "structured" and problem.has_free_borders:
+    has_free_borders = np.isnan(problem.boundary.points).any()
+    if solution.solver == "structured" and has_free_borders:
         # A free border is a reversal whose position the solver chooses. Heat barely depends on when
         # the motion passes it. If the segments between borders had separate durations, some of them
         # would shrink to nothing over many iterations.
         problem = problem.with_single_block(solution.elements[:, -1])
-    state = replace(fastest.state, problem=problem).restarted(solution.elements)
+    elements = solution.elements
+    state = replace(fastest.state, problem=problem, guess=elements, elements=elements, warm=None)
     longest = np.inf if cooled else (1 + LEAST_HEAT_EXTRA_TIME) * solution.duration
     result = _solve_and_confirm(state, "cooling" if cooled else "heat", (0.0, longest))
     return result.solution if result.solution.solved and result.feasible else None

@@ -235,16 +235,6 @@ class OcpProblem(ABC):
         return replace(self, structure=structure, lengths=lengths)
 
     @property
-    def has_free_borders(self) -> bool:
-        """True if the solver determines the joint positions at some borders between segments.
-
-        A segment is a part of the motion in which no joint reverses. Some of its borders are given
-        points. At the other borders, which are reversals of joints and passages of the port
-        (incision) of an eye, the solver determines positions.
-        """
-        return bool(np.isnan(self.boundary.points).any())
-
-    @property
     def always_active(self) -> frozenset[RowName]:
         """Names and joints of path constraints that are always part of the program.
 

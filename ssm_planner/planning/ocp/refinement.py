@@ -129,24 +129,6 @@ class RefinementState:
         backoff = np.zeros((len(guess), len(problem.row_names)))
         return cls(guess, problem, active, backoff, elements=guess)
 
-    def restarted(self, guess: Array) -> "RefinementState":
-        """Return a state in which the next solve starts at another guess, without multipliers.
-
-        The active constraints and their backoff (the margins of their bounds) remain.
-
-        Parameters
-        ----------
-        guess : (n, 4 m + 1) array
-            Elements (time intervals) of the guess: u, u̇, ü at the start, ü at the end (m numbers
-            each), and length.
-
-        Returns
-        -------
-        RefinementState
-            The new state.
-        """
-        return replace(self, guess=guess, elements=guess, warm=None)
-
     def program(self, aim: Aim, duration: tuple[float, float] | None) -> NlpProgram:
         """Build the nonlinear program for the next solve.
 
@@ -229,27 +211,6 @@ class RefinementState:
             backoff=backoff,
             warm=None,
         )
-
-    def with_backoff(self, solution: NlpSolution, increase: Array) -> "RefinementState":
-        """Return the state for the next solve, with lower bounds on the path constraints.
-
-        The program imposes a path constraint only at the collocation points (start, middle and end)
-        of each element (time interval), so the motion may exceed the limit in between. The next
-        solve then requires a distance from the limit at these points, the backoff.
-
-        Parameters
-        ----------
-        solution : NlpSolution
-            Solution at whose variables and multipliers the next solve starts.
-        increase : (n, r) array
-            Amounts to add to the backoff of each of r path constraints in each of n elements.
-
-        Returns
-        -------
-        RefinementState
-            The new state.
-        """
-        return replace(self, backoff=self.backoff + increase, warm=solution)
 
 
 @record
@@ -361,12 +322,14 @@ def _next_state(
         state = replace(state, active=state.active | missed)
         # A new start is possible only if no element has been divided since the guess.
         if violation.max() > DIVERGENCE_THRESHOLD and len(state.elements) == len(state.guess):
-            return state.restarted(state.guess)
+            state = replace(state, elements=state.guess)
         return replace(state, warm=None)
     coarse = violation.max(axis=1) > DIVISION_THRESHOLD
     if may_divide and coarse.any():
         return state.with_divided_elements(coarse)
-    return state.with_backoff(solution, additional_backoff(violation))
+    # The program imposes a path constraint only at three instants of each element. The next solve
+    # requires a distance from the limit there, so that the motion keeps the limit in between.
+    return replace(state, backoff=state.backoff + additional_backoff(violation), warm=solution)
 
 
 def additional_backoff(violation: Array) -> Array:

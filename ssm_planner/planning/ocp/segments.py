@@ -73,14 +73,11 @@ class SegmentGuess:
         breaks = np.append(0.0, np.cumsum(cubic.h))
         return Trajectory(breaks, np.stack(coefficients, axis=1), ())
 
-    def divided_at_position(
-        self, joint: int, position: float
-    ) -> "tuple[SegmentGuess, SegmentGuess]":
+    def divided_at_position(self, joint: int, position: float) -> "list[SegmentGuess]":
         """Divide the guess into two halves, between which one joint passes a given position.
 
-        Both halves have the same duration. To have the given position in the middle, the joint runs
-        through its motion faster in one half and more slowly in the other. The other joints move as
-        before.
+        Both halves have the same duration. The motion of the joint is scaled in each half, so that
+        it has the given position in the middle. The other joints move as before.
 
         Parameters
         ----------
@@ -91,62 +88,31 @@ class SegmentGuess:
 
         Returns
         -------
-        first, second : SegmentGuess
+        list of two SegmentGuess
             Guesses of both halves, each with its own elements (time intervals).
         """
         motion = self.motion
-        duration = motion.duration
-        positions = motion.positions(motion.breaks)[:, joint]
-        # Instant at which the joint passes the position in this guess. np.interp needs increasing
-        # positions, so a motion backwards is mirrored.
-        direction = np.sign(positions[-1] - positions[0])
-        passing_time = float(np.interp(direction * position, direction * positions, motion.breaks))
-        middle = duration / 2
-        return (
-            self._part_during((0.0, middle), joint, (0.0, passing_time)),
-            self._part_during((middle, duration), joint, (passing_time, duration)),
-        )
-
-    def _part_during(
-        self,
-        span: tuple[float, float],
-        joint: int,
-        joint_span: tuple[float, float],
-    ) -> "SegmentGuess":
-        """Extract a part of the guess, in which one joint moves faster or more slowly than before.
-
-        Parameters
-        ----------
-        span : (float, float)
-            Start and end of the part in the time of the guess, s.
-        joint : int
-            Index of the joint that moves faster or more slowly.
-        joint_span : (float, float)
-            Start and end of the interval of the guess from which the motion of this joint is taken,
-            s. The motion is stretched or compressed in time to the duration of `span`.
-
-        Returns
-        -------
-        SegmentGuess
-            The part as a guess of its own, with new elements (time intervals).
-        """
-        (start, end), motion = span, self.motion
+        middle = motion.duration / 2
         gap = MIN_ARC_SHARE * motion.duration
-        # Switching points close to an end of the part get no elements of their own.
         switches = motion.breaks[np.cumsum(self.arcs)]
-        inner_switches = switches[(switches > start + gap) & (switches < end - gap)]
         # The number of elements per second remains about the same.
         density = sum(self.arcs) / motion.duration
-        arcs, t = divide_arcs([start, *inner_switches.tolist(), end], density)
-        rate = (joint_span[1] - joint_span[0]) / (end - start)
-        result = self.sampled(motion, t, arcs)
-        stretched = self.sampled(motion, joint_span[0] + rate * (t - start), arcs).elements
-        # A time derivative of order k is multiplied by rate^k. The assignment writes to the arrays
-        # in `result`.
-        for name, order in (("u", 0), ("v", 1), ("a0", 2), ("a1", 2)):
-            values = getattr(stretched, name)[:, joint]
-            getattr(result.elements, name)[:, joint] = rate**order * values
-        return result
+        instants = np.array([0.0, middle, motion.duration])
+        q_start, q_middle, q_end = motion.positions(instants)[:, joint]
+        halves = []
+        for start, end, q_outer in ((0.0, middle, q_start), (middle, motion.duration, q_end)):
+            # Switching points close to an end of a half get no elements of their own.
+            inner = switches[(switches > start + gap) & (switches < end - gap)].tolist()
+            arcs, ends = divide_arcs([start, *inner, end], density)
+            half = self.sampled(motion, ends, arcs)
+            # The motion of the joint is scaled, so that both halves meet at the position.
+            scale = (position - q_outer) / (q_middle - q_outer)
+            cubic = half.elements
+            cubic.u[:, joint] = q_outer + scale * (cubic.u[:, joint] - q_outer)
+            for values in (cubic.v, cubic.a0, cubic.a1):
+                values[:, joint] *= scale
+            halves.append(half)
+        return halves
 
 
 def divide_arcs(
@@ -322,7 +288,7 @@ class SegmentChain:
             segment_sizes=sizes,
             block_sizes=sizes if one_block_per_segment else divide_into_blocks(arcs),
             has_continuous_acceleration=has_continuous_acceleration,
-            coordinates_are_joints=True,
+            limits_jerk=has_continuous_acceleration,
         )
 
     def divided_at_port(self, port: float, is_outside: Callable[[Array], bool]) -> "SegmentChain":

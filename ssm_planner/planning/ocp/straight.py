@@ -135,7 +135,7 @@ def solve_straight(
         segment_sizes=sizes,
         block_sizes=sizes,
         has_continuous_acceleration=jerk,
-        coordinates_are_joints=False,
+        limits_jerk=False,
     )
     problem = _StraightProblem(
         phase=phase,

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.elements.compiled import Location, native_elements
+from ssm_planner.elements.compiled import Location, NativeElements, native_elements
 from ssm_planner.elements.element import ElementModel
 from ssm_planner.interior.problem import Point, Program, RowGroup
 from ssm_planner.interior.solve import solve
@@ -220,14 +220,10 @@ def build_program(structure: NlpStructure, element: ElementModel, data: NlpData)
     matrix, bound = _linear_rows(structure, data)
     # One group contains the path constraints and the cost of all elements, the other one the
     # breakaway constraints. A group that would be empty is left out.
-    all_elements = np.arange(n)
     groups = []
     if element.row_names or element.aim != "time":
-        groups.append(
-            _build_group(
-                element, data.element_parameters, all_elements, data.path_bound, data.weights[1]
-            )
-        )
+        functions = _compiled_functions(element, data.element_parameters, n, "collocation")
+        groups.append(RowGroup(functions, np.arange(n), data.path_bound, data.weights[1]))
     if np.isfinite(data.breakaway_bound).any():
         # A joint breaks away (starts against static friction) at the start of element k, in the
         # direction that it has in element j, for each pair (k, j). The directions σ are therefore
@@ -241,9 +237,8 @@ def build_program(structure: NlpStructure, element: ElementModel, data: NlpData)
                 for values in other_parameters
             ),
         )
-        groups.append(
-            _build_group(element, parameters, element_indices, data.breakaway_bound, breakaway=True)
-        )
+        functions = _compiled_functions(element, parameters, len(element_indices), "breakaway")
+        groups.append(RowGroup(functions, element_indices, data.breakaway_bound))
     return Program(
         spline=spline,
         groups=tuple(groups),
@@ -254,57 +249,38 @@ def build_program(structure: NlpStructure, element: ElementModel, data: NlpData)
         least_times=data.least_times,
         duration=data.duration,
         time_weight=data.weights[0],
-        smoothing=SMOOTHING_WEIGHT / data.acceleration**2
-        if structure.coordinates_are_joints
-        else np.zeros(m),
+        smoothing=SMOOTHING_WEIGHT / data.acceleration**2,
         block_variance_weight=BLOCK_VARIANCE_WEIGHT if len(data.least_times) > 1 else 0.0,
     )
 
 
-def _build_group(
-    element: ElementModel,
-    parameters: tuple[Array, ...],
-    elements: Indices,
-    bound: Array,
-    cost_weight: float = 0.0,
-    *,
-    breakaway: bool = False,
-) -> RowGroup:
-    """Build a group of nonlinear constraints that have the same compiled functions.
+def _compiled_functions(
+    element: ElementModel, parameters: tuple[Array, ...], count: int, location: Location
+) -> NativeElements:
+    """Return the compiled functions of several elements (time intervals).
 
     Parameters
     ----------
     element : ElementModel
-        Path constraints, breakaway constraints and cost as functions of the motion in one element
-        (time interval).
+        Path constraints, breakaway constraints and cost as functions of the motion in one element.
     parameters : tuple of arrays
         Parameter vectors of these functions, for example the limits: (size,) for a vector that all
-        elements share, (q, size) otherwise.
-    elements : (q,) int array
-        Indices of the elements at which the constraints are imposed. An index may occur twice.
-    bound : (q, constraints) array
-        Upper bounds of the constraints at each of these elements.
-    cost_weight : float
-        Weight of the cost of these elements in the objective.
-    breakaway : bool
-        True for the breakaway constraints, which limit the motor torque of a joint that starts to
-        move against static friction. False for the path constraints and the cost.
-
-    Returns
-    -------
-    RowGroup
-        The compiled functions with their elements, bounds and weight.
+        elements share, (count, size) otherwise.
+    count : int
+        Number of elements.
+    location : str
+        "collocation" for the path constraints and the cost, "breakaway" for the constraints on the
+        torque of a joint that starts to move against static friction.
 
     Raises
     ------
     RuntimeError
         If the compiled part of the package is missing.
     """
-    location: Location = "breakaway" if breakaway else "collocation"
-    native = native_elements(element, parameters, len(elements), location)
-    if native is None:
+    functions = native_elements(element, parameters, count, location)
+    if functions is None:
         raise RuntimeError("the structured solver needs the compiled part, which is not installed")
-    return RowGroup(native, elements, bound, cost_weight)
+    return functions
 
 
 def _boundary_values(
@@ -464,7 +440,7 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     upper = np.hstack([np.where(data.is_fixed, np.inf, data.upper), v_max])
     matrix = np.vstack([bounded, -bounded])
     bound = np.hstack([upper, -lower])
-    if structure.has_continuous_acceleration and structure.coordinates_are_joints:
+    if structure.limits_jerk:
         # |ü(h) − ü(0)| ≤ jerk · h as two rows for each coordinate. They are divided by jerk / n,
         # because n h is about 1. All rows then have values of similar size.
         rise = (entries[3 * m : 4 * m] - entries[2 * m : 3 * m]) * (n / data.jerk)[:, None]

@@ -120,7 +120,11 @@ class Transcription:
         # bounds of the variables (`BoundaryConditions`).
         constraints = {
             "dynamics": _dynamics_constraints(structure, symbols.cubic, symbols.p.end),
-            **_joint_limit_constraints(structure, symbols.cubic, symbols.p.jerk),
+            # The middle Bernstein coefficient of u̇. The two outer coefficients are u̇ at both ends of
+            # an element, which are variables with bounds. If all three coefficients keep a bound,
+            # the parabola u̇ keeps it in the whole element.
+            "velocity": _select_entries(symbols.cubic.middle_velocity, structure.moving),
+            "jerk": _jerk_constraints(structure, symbols.cubic, symbols.p.jerk),
             "breakaway": _breakaway_constraints(structure, element, symbols),
             "duration": duration,
         }
@@ -277,8 +281,8 @@ class Transcription:
 def _regularisation(structure: NlpStructure, cubic: CubicPiece, times: ca.MX, p: Any) -> ca.MX:
     """Build the two terms of the objective that make the solution unique.
 
-    The first term is 3 SMOOTHING_WEIGHT Σ ∫ r² dt with r = ü/limit. It is 0 unless the coordinates
-    are joints. ü is linear in an element (time interval) of length h, so 3 ∫ r² dt =
+    The first term is 3 SMOOTHING_WEIGHT Σ ∫ r² dt with r = ü/limit. It is 0 along a path, where
+    this limit is infinite. ü is linear in an element (time interval) of length h, so 3 ∫ r² dt =
     h (r0² + r0 r1 + r1²), with r0 at the start and r1 at the end. The second term is
     BLOCK_VARIANCE_WEIGHT times the variance of T / T_least, with the duration T of each block (a
     group of elements) and its lower bound T_least.
@@ -301,11 +305,7 @@ def _regularisation(structure: NlpStructure, cubic: CubicPiece, times: ca.MX, p:
         The sum of both terms, a scalar.
     """
     r0, r1 = (a / ca.repmat(p.acceleration, 1, structure.elements) for a in (cubic.a0, cubic.a1))
-    smoothing = (
-        ca.sum2(ca.sum1(cubic.h * (r0**2 + r0 * r1 + r1**2)))
-        if structure.coordinates_are_joints
-        else ca.MX(0)
-    )
+    smoothing = ca.sum2(ca.sum1(cubic.h * (r0**2 + r0 * r1 + r1**2)))
     b, relative = times.numel(), times / p.least_times
     variance = ca.sumsqr(relative - ca.sum1(relative) / b) / b
     return SMOOTHING_WEIGHT * smoothing + BLOCK_VARIANCE_WEIGHT * variance
@@ -346,44 +346,30 @@ def _dynamics_constraints(structure: NlpStructure, cubic: CubicPiece, end: ca.MX
     return ca.vertcat(*differences)
 
 
-def _joint_limit_constraints(
-    structure: NlpStructure, cubic: CubicPiece, jerk: ca.MX
-) -> dict[str, ca.MX]:
-    """Build the constraints of velocity and jerk within each element.
-
-    An element is a time interval of length h, in which u̇ is a parabola. The group "velocity"
-    contains the middle Bernstein coefficient of u̇. The two outer coefficients are u̇ at both ends,
-    which are variables with bounds. If all three coefficients keep a bound, u̇ keeps it in the whole
-    element. The group "jerk" contains |ü(h) − ü(0)| − jerk · h as two constraints, which must not
-    be positive.
+def _jerk_constraints(structure: NlpStructure, cubic: CubicPiece, jerk: ca.MX) -> ca.MX:
+    """Build |ü(h) − ü(0)| − jerk · h in each element as two constraints, which must be at most 0.
 
     Parameters
     ----------
     structure : NlpStructure
-        Which coordinates move in which elements, and which limits apply.
+        Which coordinates move in which elements, and whether the program limits jerk.
     cubic : CubicPiece
-        The elements, whose fields have the shape (m, n) for m coordinates and n elements.
+        The elements (time intervals of length h), whose fields have the shape (m, n) for m
+        coordinates and n elements.
     jerk : (m,) MX
         Limits of |u⃛|.
 
     Returns
     -------
-    dict of MX
-        The vectors "velocity" and "jerk". A limit that does not apply contributes no entries.
+    MX
+        The vector of the constraints. It is empty if the program does not limit jerk.
     """
-    moving = structure.moving
-    jerk_limited = moving & (
-        structure.coordinates_are_joints and structure.has_continuous_acceleration
-    )
+    limited = structure.moving & structure.limits_jerk
     difference = cubic.a1 - cubic.a0
     bound = ca.repmat(jerk, 1, structure.elements) * cubic.h
-    return {
-        "velocity": _select_entries(cubic.middle_velocity, moving),
-        "jerk": ca.vertcat(
-            _select_entries(difference - bound, jerk_limited),
-            _select_entries(-difference - bound, jerk_limited),
-        ),
-    }
+    return ca.vertcat(
+        _select_entries(difference - bound, limited), _select_entries(-difference - bound, limited)
+    )
 
 
 def _breakaway_constraints(
