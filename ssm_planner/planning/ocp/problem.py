@@ -334,20 +334,15 @@ def parabolic_peak(values: Array) -> Array:
     (…,) array
         Maximum of each parabola within its three samples, but at least the largest sample.
     """
-    count = values.shape[-1]
-    rows = values.reshape(-1, count)
-    peak = rows.max(axis=1)
-    # Index of the middle one of the three samples in the flattened array.
-    middle = np.clip(rows.argmax(axis=1), 1, count - 2) + np.arange(len(rows)) * count
-    previous, centre, following = (rows.ravel()[middle + k] for k in (-1, 0, 1))
+    middle = np.clip(values.argmax(axis=-1), 1, values.shape[-1] - 2)[..., None]
+    previous, centre, following = (
+        np.take_along_axis(values, middle + k, axis=-1)[..., 0] for k in (-1, 0, 1)
+    )
     slope = (following - previous) / 2
     curvature = following - 2 * centre + previous
     with np.errstate(divide="ignore", invalid="ignore"):
         # Distance of the vertex from the middle sample, in steps between samples. It is limited to
         # one step. A straight line lacks a vertex, so its division by 0 gives 0 or ±1 here.
         offset = np.clip(np.nan_to_num(-slope / curvature), -1.0, 1.0)
-    return np.asarray(
-        np.maximum(peak, centre + offset * (slope + offset * curvature / 2)).reshape(
-            values.shape[:-1]
-        )
-    )
+    vertex = centre + offset * (slope + offset * curvature / 2)
+    return np.asarray(np.maximum(values.max(axis=-1), vertex))

@@ -382,14 +382,10 @@ class SegmentChain:
         return side_directions
 
     def is_within_port(self, port: float) -> Mask:
-        """Find the segments in which the tip certainly stays outside the eye or in its port.
+        """Return True for the segments in which the tip stays outside an eye or in its port.
 
-        The nonlinear program does not limit the distance to the retina in these segments. The depth
-        of the tip is |q4|. At a border whose positions the solver determines, only an upper bound
-        of it may be known. Within a segment (between two borders) the depth only grows or only
-        shrinks. If it grows from one border to the next, an upper bound at the second border is
-        also one at the first. A pass over all segments forwards, and another one backwards, carry
-        the bounds to all borders.
+        The depth is |q4|. It is monotone in a segment, so the depths at both borders decide. A
+        segment that crosses the port in the guess has been divided there (`divided_at_port`).
 
         Parameters
         ----------
@@ -402,13 +398,4 @@ class SegmentChain:
             True for the segments in which the depth is at most `port`.
         """
         depths = np.abs(self.points[:, 3])
-        upper_bounds = np.where(self.fixed[:, 3], depths, np.inf)
-        increase = np.diff(depths)
-        for k in [*range(len(increase)), *reversed(range(len(increase)))]:
-            if increase[k] >= 0:
-                upper_bounds[k] = min(upper_bounds[k : k + 2])
-            if increase[k] <= 0:
-                upper_bounds[k + 1] = min(upper_bounds[k : k + 2])
-        return np.asarray(
-            np.maximum(upper_bounds[:-1], upper_bounds[1:]) <= port + ROUNDING_TOLERANCE
-        )
+        return np.asarray(np.maximum(depths[:-1], depths[1:]) <= port + ROUNDING_TOLERANCE)
