@@ -435,7 +435,8 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
         return
     gap = float(steps.max())
     if round(gap, 3) > MAX_SAMPLE_GAP:
-        kind, text = "sampling", f"samples are up to {gap:.3g} s apart"
+        kind = "sampling"
+        text = f"samples are up to {gap:.3g} s apart"
         if gap > 3 * step:
             kind = "gap"
             time = float(times[int(np.argmax(steps))])
@@ -824,7 +825,8 @@ def check_limits(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Ke
         Results for the position and the velocity of the joint, the speed and the torque of its
         motor, if any, and the acceleration of the joint.
     """
-    joint, measured = axis.plan.joint, axis.measured
+    joint = axis.plan.joint
+    measured = axis.measured
     speed = measured.w, axis.speed_error, measured.speed_resolution
     torque = measured.tau, axis.torque_error, measured.torque_resolution
     limits = [

@@ -85,7 +85,8 @@ def measured_tip_error(
         measured[:, i] = np.interp(time, axis.t, axis.q)
         # The recording contains the tracking error.
         joints[i] = replace(joints[i], tracking_error=0.0)
-    expected, actual = fk(robot, planned), fk(robot, measured)
+    expected = fk(robot, planned)
+    actual = fk(robot, measured)
     return MeasuredTipError(
         float(np.linalg.norm(actual.position - expected.position, axis=1).max()),
         float(angle_between(actual.rotation, expected.rotation).max()),

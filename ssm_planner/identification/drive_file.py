@@ -175,12 +175,15 @@ def _posterior_entry(posterior: Posterior) -> JsonObject:
             "departures": _joined_numbers(posterior.departures),
         }
     for name in POSTERIOR_PART_TYPES:
-        if (component := getattr(posterior, name)) is not None:
-            table[name] = {
-                key: value if isinstance(value, bool) else _joined_numbers(value)
-                for key, value in vars(component).items()
-            }
-    return {**table, "draws": draws}
+        component = getattr(posterior, name)
+        if component is not None:
+            fields = dict(vars(component))
+            for key, value in fields.items():
+                if not isinstance(value, bool):
+                    fields[key] = _joined_numbers(value)
+            table[name] = fields
+    table["draws"] = draws
+    return table
 
 
 def _joined_numbers(values: Iterable[float]) -> str:
@@ -240,14 +243,14 @@ def _source_text(name: str, estimate: Estimate | None) -> str:
     """
     if estimate is None:
         return "the law's value as speed tends to 0" if name == "mu_static" else "not identified"
+    if estimate.fixed and name in ("mu_static", "memory"):
+        return "as the torque-velocity map gives it"
     if estimate.fixed:
-        return (
-            "as the torque-velocity map gives it"
-            if name in ("mu_static", "memory")
-            else "given, not identified"
-        )
+        return "given, not identified"
     text = f"identified, 95 % interval {estimate.low:.4g} to {estimate.high:.4g}"
-    return text if estimate.separable else text + ", not determined by the data alone"
+    if not estimate.separable:
+        text += ", not determined by the data alone"
+    return text
 
 
 def parameter_unit(drive: Drive, name: str) -> str | None:
@@ -265,12 +268,9 @@ def parameter_unit(drive: Drive, name: str) -> str | None:
     str or None
         Unit as text, such as `N*m`. None for a dimensionless parameter.
     """
-    of_field = {
-        **field_quantities(Rig),
-        **field_quantities(Drive),
-        **field_quantities(Friction),
-    }.get(name)
-    kind = of_field and QUANTITY_KINDS.get(unit_kind(of_field, drive.slides))
+    quantities = field_quantities(Rig) | field_quantities(Drive) | field_quantities(Friction)
+    quantity = quantities.get(name)
+    kind = quantity and QUANTITY_KINDS.get(unit_kind(quantity, drive.slides))
     return kind.unit if kind else None
 
 

@@ -93,16 +93,18 @@ class _LeastSquaresProblem:
     def __init__(
         self, drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float
     ) -> None:
-        self.drive, self.recordings = drive, recordings
-        self.load, self.load_inertia = load, load_inertia
-        self.motions = [RecordedMotion.from_speed(r.time, r.w) for r in recordings]
-        self.measured = [
-            r.tau
-            - law_correction(drive, m, load)
-            - controller_reaction(drive, m, speed_deviation(r.w, m.direction))
-            for r, m in zip(recordings, self.motions, strict=True)
-        ]
+        self.drive = drive
+        self.recordings = recordings
+        self.load = load
+        self.load_inertia = load_inertia
+        self.motions = [RecordedMotion.from_speed(item.time, item.w) for item in recordings]
+        self.measured: list[Array] = []
         """Torque (samples,) of each recording that the friction law must explain, N·m."""
+        for recording, motion in zip(recordings, self.motions, strict=True):
+            deviation = speed_deviation(recording.w, motion.direction)
+            reaction = controller_reaction(drive, motion, deviation)
+            correction = law_correction(drive, motion, load)
+            self.measured.append(recording.tau - correction - reaction)
         base = required_friction(drive)
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])
 
@@ -141,10 +143,13 @@ class _LeastSquaresProblem:
             Predicted minus measured torque, divided by the range of the measured torque.
         """
         drive = self.model(theta)
-        return [
-            (predict_torque(drive, m, self.load, self.load_inertia) - tau) / np.ptp(r.tau)
-            for m, tau, r in zip(self.motions, self.measured, self.recordings, strict=True)
-        ]
+        residuals = []
+        for recording, motion, measured in zip(
+            self.recordings, self.motions, self.measured, strict=True
+        ):
+            predicted = predict_torque(drive, motion, self.load, self.load_inertia)
+            residuals.append((predicted - measured) / np.ptp(recording.tau))
+        return residuals
 
     def residual(self, theta: Array) -> Array:
         """Compute the residuals of all recordings in one array.
@@ -229,10 +234,10 @@ def fit_dynamic(
     starts = {subset: _best_grid_point(problem, subset) for subset in _PARAMETER_SUBSETS}
     # The residuals of the model with all three parameters are closest to pure noise.
     independent = _independent_samples(problem.residual(starts[(0, 1, 2)]))
-    criterion = {
-        s: independent * math.log(problem.cost(theta)) + 2 * len(s) for s, theta in starts.items()
-    }
-    subset = min(criterion, key=lambda s: criterion[s])
+    criterion = {}
+    for subset, theta in starts.items():
+        criterion[subset] = independent * math.log(problem.cost(theta)) + 2 * len(subset)
+    subset = min(criterion, key=criterion.__getitem__)
     theta, jacobian = _minimise_cost(problem, starts[subset], list(subset))
     undetermined = [PARAMETERS[k] for k in range(3) if k not in subset]
     gain = criterion[()] - criterion[subset]
@@ -271,11 +276,12 @@ def _best_grid_point(problem: _LeastSquaresProblem, subset: tuple[int, ...]) -> 
     (3,) array
         Parameters θ of the best point.
     """
-    axes = [
-        values if k in subset else (problem.default[k],) for k, values in enumerate(_GRID_VALUES)
-    ]
-    points = [problem.default, *(np.array(point) for point in itertools.product(*axes))]
-    return min(points, key=problem.cost)
+    axes: list[Sequence[float]] = list(_GRID_VALUES)
+    for k in range(3):
+        if k not in subset:
+            axes[k] = (problem.default[k],)
+    grid = list(map(np.array, itertools.product(*axes)))
+    return min([problem.default] + grid, key=problem.cost)
 
 
 def _minimise_cost(
@@ -391,10 +397,9 @@ def _estimates(
         quantile = float(ndtri(0.5 + CONFIDENCE / 2))
         half[free] = quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     offset = np.array([required_friction(problem.drive).mu, 0.0, 0.0])
-    low, high = (
-        np.clip(end, 0.0, np.maximum(UPPER_BOUNDS, theta)) + offset
-        for end in (theta - half, theta + half)
-    )
+    largest = np.maximum(UPPER_BOUNDS, theta)
+    low = np.clip(theta - half, 0.0, largest) + offset
+    high = np.clip(theta + half, 0.0, largest) + offset
     to_bound = np.minimum(theta, UPPER_BOUNDS - theta)
     return {
         name: Estimate(

@@ -203,15 +203,16 @@ def fit_map(
         If all recordings move in one direction, or if there are too few points for the parameters.
     """
     # The viscous friction of the output is 0 unless the user fits or fixes it.
-    fixed = {
-        name: value for name, value in {"b_ov": 0.0, **(fixed or {})}.items() if name not in free
-    }
+    constants = {"b_ov": 0.0} | dict(fixed or {})
+    fixed = {name: value for name, value in constants.items() if name not in free}
     _check_fixed(fixed, free)
     _check_directions(data)
     outliers = find_outliers(data.w, data.tau)
     weight = np.ones(len(data.w))
     for outlier in outliers:
         weight[outlier.index] = outlier.weight
+    scatter = _INITIAL_SCATTER * float(np.median(data.tau_deviation))
+    smallest_scatter = 1e-6 * float(np.ptp(data.tau))
     unfitted_model = MapModel(
         drive=drive,
         law=law,
@@ -224,12 +225,10 @@ def fit_map(
         friction=data.friction,
         elapsed=session_progress(data.times),
         load=load + fixed.get(LOAD_OFFSET, 0.0),
-        scatter=max(
-            _INITIAL_SCATTER * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau))
-        ),
+        scatter=max(scatter, smallest_scatter),
     )
     models = _candidate_models(unfitted_model, free)
-    fitted = []
+    fitted: FittedModels = []
     for k, model in enumerate(models):
         progress(Step(f"fitting the {model.law.replace('_', ' ')} law", k, len(models) + 1))
         fitted.append((model, most_likely(model)))
@@ -238,8 +237,10 @@ def fit_map(
     probabilities = _sample_laws(fitted)
     (model, z), criterion = _choose_model(determined, probabilities)
     fit = _build_map_fit(model, z, data, _possible_laws(probabilities, model.law))
-    rows = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
-    return replace(fit, outliers=rows, criterion=criterion)
+    outlier_rows = tuple(
+        (data.names[outlier.index], outlier.distance, outlier.weight) for outlier in outliers
+    )
+    return replace(fit, outliers=outlier_rows, criterion=criterion)
 
 
 def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel]:
@@ -262,24 +263,22 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
         Models, ordered by law. The last model of each law has all parameters. The offset is omitted
         if the user fixed it, and the change is omitted if too few recordings have dates.
     """
-    fixed = prototype.fixed
     additions: list[tuple[str, ...]] = [()]
-    if LOAD_OFFSET not in fixed:
+    if LOAD_OFFSET not in prototype.fixed:
         additions.append((LOAD_OFFSET,))
     if np.isfinite(prototype.elapsed).any():
-        additions += [(*names, *SESSION_CHANGE_PARAMETERS) for names in additions]
+        additions += [names + SESSION_CHANGE_PARAMETERS for names in additions]
+    laws = FRICTION_LAWS if prototype.law == "auto" else (prototype.law,)
     models = []
-    for law in FRICTION_LAWS if prototype.law == "auto" else (prototype.law,):
-        names = tuple(name for name in (*parameter_names(law), *free) if name not in fixed)
-        stribeck = _STRIBECK if law == "coulomb" else ()
-        model = replace(
-            prototype,
-            drive=drive_with_parameters(prototype.drive, law, {}),
-            law=law,
-            names=names,
-            fixed={name: value for name, value in fixed.items() if name not in stribeck},
-        )
-        models += [replace(model, names=(*names, *addition)) for addition in additions]
+    for law in laws:
+        fixed = dict(prototype.fixed)
+        if law == "coulomb":
+            for name in _STRIBECK:
+                fixed.pop(name, None)
+        names = tuple(name for name in parameter_names(law) + tuple(free) if name not in fixed)
+        drive = drive_with_parameters(prototype.drive, law, {})
+        model = replace(prototype, drive=drive, law=law, names=names, fixed=fixed)
+        models += [replace(model, names=names + addition) for addition in additions]
     return models
 
 
@@ -309,9 +308,13 @@ def _choose_model(
         for its law, and that of the best model for each other law.
     """
     # The confidence level is 95 %, so a law is plausible if its probability exceeds 5 %.
-    laws = {s.model.law for s, share in probabilities if share > 1 - CONFIDENCE}
+    laws = {
+        law_sample.model.law
+        for law_sample, probability in probabilities
+        if probability > 1 - CONFIDENCE
+    }
     is_coulomb = "coulomb" in laws
-    plausible = [pair for pair in determined if (pair[0].law == "coulomb") == is_coulomb]
+    plausible = [(model, z) for model, z in determined if (model.law == "coulomb") == is_coulomb]
     determined = plausible or determined
     models = [model for model, _ in determined]
     errors = [cross_validation_errors(model, z) for model, z in determined]
@@ -482,24 +485,26 @@ def _pool_parameter_sets(possible: PossibleLaws, slow: Array) -> Arrays:
         parameter that the law of a set does not have, except the Stribeck friction of the Coulomb
         law, which is 0.
     """
-    laws = []
-    for law_sample, share in possible:
-        model, (z, weight) = law_sample.model, law_sample.ordered
+    tables: list[Arrays] = []
+    for law_sample, probability in possible:
+        model = law_sample.model
+        z, weight = law_sample.ordered
         z = model.at_ends(z)
-        columns = {name: column[:, 0] for name, column in model.parameters(z).items()}
+        table = {name: column[:, 0] for name, column in model.parameters(z).items()}
         if len(possible) > 1:
             constants = {"mu_stribeck": 0.0} if model.law == "coulomb" else model.fixed
-            numbers = {name: constants[name] for name in _STRIBECK if name in constants}
-            numbers[LAW_COLUMN] = FRICTION_LAWS.index(model.law)
-            columns |= {name: np.full(len(z), float(number)) for name, number in numbers.items()}
-        columns |= dict(zip(_DIRECTIONS, model.torque(z, slow).T, strict=True))
-        laws.append({**columns, WEIGHT_COLUMN: share * weight})
-    return {
-        name: np.concatenate(
-            [columns.get(name, np.full(len(columns[WEIGHT_COLUMN]), np.nan)) for columns in laws]
-        )
-        for name in dict.fromkeys(name for columns in laws for name in columns)
-    }
+            for name in _STRIBECK:
+                if name in constants:
+                    table[name] = np.full(len(z), float(constants[name]))
+            table[LAW_COLUMN] = np.full(len(z), float(FRICTION_LAWS.index(model.law)))
+        table |= dict(zip(_DIRECTIONS, model.torque(z, slow).T, strict=True))
+        table[WEIGHT_COLUMN] = probability * weight
+        tables.append(table)
+    pooled = {}
+    for name in dict.fromkeys(name for table in tables for name in table):
+        columns = [table.get(name, np.full_like(table[WEIGHT_COLUMN], np.nan)) for table in tables]
+        pooled[name] = np.concatenate(columns)
+    return pooled
 
 
 def _draw_sets(pooled: Arrays) -> Arrays:
@@ -525,17 +530,13 @@ def _draw_sets(pooled: Arrays) -> Arrays:
         slow motion, and the parameters of the change during the session are omitted.
     """
     cumulative = np.cumsum(pooled[WEIGHT_COLUMN])
-    indices = np.searchsorted(
-        cumulative, (np.arange(POSTERIOR_DRAWS) + 0.5) / POSTERIOR_DRAWS * cumulative[-1]
-    )
+    steps = (np.arange(POSTERIOR_DRAWS) + 0.5) / POSTERIOR_DRAWS
+    indices = np.searchsorted(cumulative, steps * cumulative[-1])
     indices = np.random.default_rng(RANDOM_SEED).permutation(indices)
-    last_names = (LOAD_OFFSET, LAW_COLUMN)
-    names = [
-        name
-        for name in pooled
-        if name not in (*last_names, *_DIRECTIONS, *SESSION_CHANGE_PARAMETERS, WEIGHT_COLUMN)
-    ]
-    columns = {name: pooled[name][indices] for name in (*names, *last_names) if name in pooled}
+    omitted = _DIRECTIONS + SESSION_CHANGE_PARAMETERS + (WEIGHT_COLUMN,)
+    last_names = [name for name in (LOAD_OFFSET, LAW_COLUMN) if name in pooled]
+    names = [name for name in pooled if name not in omitted and name not in last_names]
+    columns = {name: pooled[name][indices] for name in names + last_names}
     for column in columns.values():
         missing = np.isnan(column)
         # The present values are repeated in their order as often as necessary.
@@ -567,23 +568,27 @@ def _build_map_fit(model: MapModel, z: Array, data: TorqueMap, possible: Possibl
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
     pooled = _pool_parameter_sets(possible, slow)
     posterior = _build_posterior(model, predicted, data, possible, _draw_sets(pooled))
-    values = {name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()}
-    values = {LOAD_OFFSET: model.fixed.get(LOAD_OFFSET, 0.0)} | values
+    values = {LOAD_OFFSET: model.fixed.get(LOAD_OFFSET, 0.0)}
+    for name, value in model.parameters(z[None]).items():
+        values[name] = float(value[0, 0])
     separable = _separable_parameters(possible)
-    estimates = {
-        name: replace(_interval_estimate(values[name], pooled, name), separable=name in separable)
-        for name in (*posterior.names, *SESSION_CHANGE_PARAMETERS)
-        if name in values
-    }
+    estimates = {}
+    for name in posterior.names + SESSION_CHANGE_PARAMETERS:
+        if name in values:
+            estimate = _interval_estimate(values[name], pooled, name)
+            estimates[name] = replace(estimate, separable=name in separable)
     if values.get("mu", math.inf) <= smallest_locking_mu(model.drive) * (1 + 1e-9):
         estimates["mu"] = replace(estimates["mu"], at_bound=True)
-    estimates |= {
-        name: Estimate(value, value, value, fixed=True) for name, value in model.fixed.items()
-    }
+    for name, number in model.fixed.items():
+        estimates[name] = Estimate(number, number, number, fixed=True)
     inseparable_names = tuple(name for name in model.names if name not in separable)
     offset = values.pop(LOAD_OFFSET)
     drive = _identified_drive(model, values, posterior, offset)
-    torques = zip(_DIRECTIONS, model.torque(z[None], slow)[0].tolist(), strict=True)
+    slow_torques = model.torque(z[None], slow)[0].tolist()
+    notes = [
+        *_plausibility_notes(model, drive, predicted, offset),
+        *_estimate_notes(estimates, possible),
+    ]
     return MapFit(
         law=model.law,
         drive=drive,
@@ -592,16 +597,16 @@ def _build_map_fit(model: MapModel, z: Array, data: TorqueMap, possible: Possibl
         correlation_names=model.names,
         correlation=data_correlation(model, z),
         inseparable=(inseparable_names,) if inseparable_names else (),
-        combinations={name: _interval_estimate(value, pooled, name) for name, value in torques},
+        combinations={
+            direction: _interval_estimate(torque, pooled, direction)
+            for direction, torque in zip(_DIRECTIONS, slow_torques, strict=True)
+        },
         predicted=predicted,
         nrmsd=float(rms(model.tau - predicted) / np.ptp(model.tau)),
         outliers=(),
         criterion={},
         law_shares=posterior.law_shares(model.law),
-        notes=(
-            *_plausibility_notes(model, drive, predicted, offset),
-            *_estimate_notes(estimates, possible),
-        ),
+        notes=tuple(notes),
     )
 
 
@@ -621,20 +626,15 @@ def _separable_parameters(possible: PossibleLaws) -> set[str]:
     set of str
         Names of the parameters.
     """
-    names = []
+    names_by_law = []
     for law_sample, _ in possible:
-        pull = prior_pull(law_sample.covariance)
-        pairs = zip(law_sample.model.names, pull, strict=True)
-        names.append({name for name, value in pairs if value < LARGEST_PRIOR_PULL})
-    return set.intersection(*names)
+        pulls = zip(law_sample.model.names, prior_pull(law_sample.covariance), strict=True)
+        names_by_law.append({name for name, pull in pulls if pull < LARGEST_PRIOR_PULL})
+    return set.intersection(*names_by_law)
 
 
 def _build_posterior(
-    model: MapModel,
-    predicted: Array,
-    data: TorqueMap,
-    possible: PossibleLaws,
-    columns: Arrays,
+    model: MapModel, predicted: Array, data: TorqueMap, possible: PossibleLaws, columns: Arrays
 ) -> Posterior:
     """Build the posterior that the drive file contains, with numbers of six digits as in the file.
 
@@ -657,7 +657,8 @@ def _build_posterior(
         Parameter sets, scatter between recordings, and errors of the model at its points.
     """
     is_regular = model.weight == 1.0
-    variance, common = np.sum([share * s.scatter for s, share in possible], axis=0)
+    expected_scatters = [probability * law_sample.scatter for law_sample, probability in possible]
+    variance, common = np.sum(expected_scatters, axis=0)
     scatter, common = _round_to_six_digits(np.array([math.sqrt(variance), common]))
     return Posterior(
         names=tuple(columns),
@@ -738,7 +739,7 @@ def _estimate_notes(estimates: dict[str, Estimate], possible: PossibleLaws) -> I
             f"friction changed by {low:.0%} to {high:.0%} during the session: the values are those "
             "in its middle, and the intervals include its beginning and its end"
         )
-    weight = max(share * s.largest_weight for s, share in possible)
+    weight = max(probability * law_sample.largest_weight for law_sample, probability in possible)
     if weight > LARGEST_WEIGHT:
         yield (
             f"the 95 % intervals are not reliable: one of the sampled parameter sets has "

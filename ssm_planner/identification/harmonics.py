@@ -64,14 +64,12 @@ def ripple_rms(angle: Array, tau: Array) -> float:
     """
     if np.ptp(angle) < 2 * FULL_TURN:
         return float("nan")
-    residual = (
-        tau
-        - tau.mean()
-        - _fit_orders([(angle, tau)], _harmonic_orders(), phased=False).torque(angle)
-    )
-    noise = float(np.sum((residual - residual.mean()) ** 2))
-    noise /= max(len(angle) - 2 * HARMONICS - 1, 1)
-    return max(float(np.var(tau)) - noise, 0.0) ** 0.5
+    harmonics = _fit_orders([(angle, tau)], _harmonic_orders(), phased=False)
+    residual = tau - tau.mean() - harmonics.torque(angle)
+    # The mean, and the sine and cosine of each harmonic, reduce the degrees of freedom.
+    degrees = max(len(angle) - 2 * HARMONICS - 1, 1)
+    noise_variance = float(np.sum((residual - residual.mean()) ** 2)) / degrees
+    return max(float(np.var(tau)) - noise_variance, 0.0) ** 0.5
 
 
 def fit_harmonics(
@@ -154,8 +152,10 @@ def _harmonic_orders(ratio: float | None = None) -> tuple[float, ...]:
         The orders 1, 2, …, `HARMONICS` of the motor. Those of the wheel precede them, and are
         1/ratio, 2/ratio, ….
     """
-    motor = tuple(float(k) for k in range(1, HARMONICS + 1))
-    return motor if ratio is None else (*(k / ratio for k in motor), *motor)
+    motor_orders = tuple(float(k) for k in range(1, HARMONICS + 1))
+    if ratio is None:
+        return motor_orders
+    return tuple(order / ratio for order in motor_orders) + motor_orders
 
 
 def _fit_orders(

@@ -110,43 +110,44 @@ class Identification:
 
         The command `identify --json` prints this dict. It contains no file names.
         """
-        fit, dynamic = self.fit, self.dynamic
-        estimates = {**fit.estimates, **self.dynamic_estimates}
-        rows = zip(fit.correlation_names, fit.correlation, strict=True)
+        fit = self.fit
+        estimates = fit.estimates | self.dynamic_estimates
+        correlations = {}
+        for name, row in zip(fit.correlation_names, fit.correlation.tolist(), strict=True):
+            correlations[name] = dict(zip(fit.correlation_names, row, strict=True))
+        repairs = list(self.data.repairs)
+        for recording in self.moving:
+            repairs += [f"{recording.name}: {repair}" for repair in recording.repairs]
+        notes = list(fit.notes)
+        start_stop = []
+        if self.dynamic is not None:
+            notes += self.dynamic.notes
+            errors = zip(self.moving, self.dynamic.before, self.dynamic.after, strict=True)
+            for recording, before, after in errors:
+                start_stop.append(
+                    {"recording": recording.name, "nrmsd_map_only": before, "nrmsd": after}
+                )
         return {
             "law": fit.law,
             "law_shares": dict(fit.law_shares),
             "parameters": {name: asdict(estimate) for name, estimate in estimates.items()},
             "nrmsd": fit.nrmsd,
-            "repairs": [
-                *self.data.repairs,
-                *(
-                    f"{recording.name}: {repair}"
-                    for recording in self.moving
-                    for repair in recording.repairs
-                ),
-            ],
+            "repairs": repairs,
             "points": len(self.data.w),
-            "correlations": {
-                a: dict(zip(fit.correlation_names, map(float, row), strict=True)) for a, row in rows
-            },
+            "correlations": correlations,
             "inseparable": [list(group) for group in fit.inseparable],
-            "outliers": [{"recording": n, "distance": d, "weight": w} for n, d, w in fit.outliers],
+            "outliers": [
+                {"recording": name, "distance": distance, "weight": weight}
+                for name, distance, weight in fit.outliers
+            ],
             "combinations": {name: asdict(estimate) for name, estimate in fit.combinations.items()},
             "harmonics": {name: series.to_dict() for name, series in self.harmonics.items()},
             "criterion": {
                 "name": "RMS error on recordings left out, N·m",
                 "laws": dict(fit.criterion),
             },
-            "start_stop": []
-            if dynamic is None
-            else [
-                {"recording": recording.name, "nrmsd_map_only": nrmsd_before, "nrmsd": nrmsd_after}
-                for recording, nrmsd_before, nrmsd_after in zip(
-                    self.moving, dynamic.before, dynamic.after, strict=True
-                )
-            ],
-            "notes": [*fit.notes, *(() if dynamic is None else dynamic.notes)],
+            "start_stop": start_stop,
+            "notes": notes,
         }
 
 
@@ -206,9 +207,10 @@ def identify(
     kinds: dict[str, list[Recording]] = {"steady": [], "start_stop": []}
     for recording in recorded:
         kinds[recording_kind(recording)].append(recording)
-    steady, moving = kinds.values()
+    steady = kinds["steady"]
+    moving = kinds["start_stop"]
     data, evidence = load_map(drive, steady, moving)
-    data = replace(data, repairs=(*repeated, *data.repairs))
+    data = replace(data, repairs=tuple(repeated) + data.repairs)
     load, inertia = rig_load(template)
     progress(Step(f"fitting the map of {len(data.w)} points"))
     fit = fit_map(
@@ -221,21 +223,23 @@ def identify(
         free=free,
         progress=progress,
     )
-    wheel = None if template.slides else template.ratio
+    wheel_ratio = None if template.slides else template.ratio
     harmonics = {
-        direction: fit_harmonics(steady, sign, wheel)
-        for direction, sign in (("forwards", 1), ("backwards", -1))
+        "forwards": fit_harmonics(steady, 1, wheel_ratio),
+        "backwards": fit_harmonics(steady, -1, wheel_ratio),
     }
     fit = replace(
         fit,
         drive=_with_ripple(fit.drive, harmonics, fit_reaction(steady)),
-        notes=(*fit.notes, *session_notes(data, moving)),
+        notes=fit.notes + tuple(session_notes(data, moving)),
     )
+    dynamic = None
     if moving:
         progress(Step(f"fitting {len(moving)} start–stop recordings"))
+        dynamic = fit_dynamic(fit.drive, moving, fit.load, inertia)
     return Identification(
         fit=fit,
-        dynamic=fit_dynamic(fit.drive, moving, fit.load, inertia) if moving else None,
+        dynamic=dynamic,
         data=data,
         moving=tuple(moving),
         harmonics={name: series for name, series in harmonics.items() if series is not None},
@@ -337,7 +341,10 @@ def friction_origin(drive: str | Path) -> str:
     str
         `the drive file`, or a description of the table of mean speeds and torques in its folder.
     """
-    return "the drive file" if load_drive(drive).friction is not None else load_map(drive)[1]
+    if load_drive(drive).friction is not None:
+        return "the drive file"
+    _, evidence = load_map(drive)
+    return evidence
 
 
 def _read_rig_recordings(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
@@ -356,8 +363,11 @@ def _read_rig_recordings(drive: Drive, recordings: Sequence[str | Path]) -> list
         One recording for each file.
     """
     rig = drive.rig
-    nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
-    return read_recordings(recordings, nominal_torque=nominal, direction=direction)
+    if rig is None:
+        return read_recordings(recordings)
+    return read_recordings(
+        recordings, nominal_torque=rig.motor_nominal_torque, direction=rig.direction
+    )
 
 
 def rig_load(drive: Drive) -> tuple[float, float]:
@@ -375,7 +385,9 @@ def rig_load(drive: Drive) -> tuple[float, float]:
     inertia : float
         Inertia at the output (kg·m² or kg). 0 without a test rig.
     """
-    return (0.0, 0.0) if drive.rig is None else (drive.rig.F_payload, drive.rig.payload_inertia)
+    if drive.rig is None:
+        return 0.0, 0.0
+    return drive.rig.F_payload, drive.rig.payload_inertia
 
 
 def prior_centres(drive: Drive) -> dict[str, float]:
@@ -394,8 +406,9 @@ def prior_centres(drive: Drive) -> dict[str, float]:
     """
     if drive.rig is not None and drive.rig.published:
         return dict(drive.rig.published)
-    f = drive.friction
-    return {} if f is None else {"mu": f.mu, "b_c": f.b_c, "b_v": f.b_v, "b_oc": f.b_oc}
+    if drive.friction is None:
+        return {}
+    return {name: getattr(drive.friction, name) for name in ("mu", "b_c", "b_v", "b_oc")}
 
 
 def load_map(
@@ -438,7 +451,5 @@ def load_map(
             "use instead"
         )
     data = read_torque_map(table, file.stem)
-    return (
-        data,
-        f"the figures of {len(data.w)} steady-state recordings in {table.name}{moving_text}",
-    )
+    evidence = f"the figures of {len(data.w)} steady-state recordings in {table.name}{moving_text}"
+    return data, evidence

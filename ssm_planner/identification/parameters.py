@@ -62,7 +62,7 @@ def parameter_names(law: str) -> tuple[str, ...]:
     if law not in FRICTION_LAWS:
         raise RecordingError(f"unknown friction law {law!r}; known: {', '.join(FRICTION_LAWS)}")
     base = ("b_c", "b_v", "mu", "b_oc")
-    return base if law == "coulomb" else (*base, "mu_stribeck", "stribeck_speed")
+    return base if law == "coulomb" else base + ("mu_stribeck", "stribeck_speed")
 
 
 def drive_with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Drive:
@@ -135,11 +135,10 @@ def smallest_locking_mu(drive: Drive) -> float:
     float
         Friction coefficient (dimensionless). 0 for a drive that need not be self-locking.
     """
-    return (
-        _LOCKING_MU_FACTOR * float(-self_locking_margin(drive, 0.0)[0])
-        if drive.self_locking
-        else 0.0
-    )
+    if not drive.self_locking:
+        return 0.0
+    margin, *_ = self_locking_margin(drive, 0.0)
+    return _LOCKING_MU_FACTOR * float(-margin)
 
 
 def zero_speed_coefficient(drive: Drive) -> float:

@@ -133,7 +133,8 @@ class MapModel:
         The other centres are rough guesses: half of the mean torque of the map is attributed to
         friction, and a share of this friction to each coefficient.
         """
-        friction, top_speed = 0.5 * float(np.mean(np.abs(self.tau))), float(np.abs(self.w).max())
+        friction = 0.5 * float(np.mean(np.abs(self.tau)))
+        top_speed = float(np.abs(self.w).max())
         effort = friction / float(mesh_coefficients(self.drive, TYPICAL_MU)[0])
         # One standard deviation of the prior is a factor of 1.6 to 4.5 (`PRIOR_DEVIATIONS`), so the
         # guesses only have to be of the right order.
@@ -148,15 +149,14 @@ class MapModel:
             "stribeck_speed": 0.05 * top_speed,
             WARM_UP: 0.4,
         }
-        centre |= {
-            name: value for name, value in self.reference.items() if name in centre and value > 0
-        }
-        spread = {
-            **PRIOR_DEVIATIONS,
-            LOAD_OFFSET: LOAD_PRIOR_DEVIATION * max(abs(self.load), effort),
-        }
+        for name, value in self.reference.items():
+            if name in centre and value > 0:
+                centre[name] = value
+        load_deviation = LOAD_PRIOR_DEVIATION * max(abs(self.load), effort)
+        deviation = PRIOR_DEVIATIONS | {LOAD_OFFSET: load_deviation}
+        # The logarithm of the default 1 is 0, which is the centre of a normal prior.
         centres = [math.log(centre.get(name, 1.0)) for name in self.names]
-        return np.array(centres), np.array([spread[name] for name in self.names])
+        return np.array(centres), np.array([deviation[name] for name in self.names])
 
     @cached_property
     def linear(self) -> Mask:
@@ -181,12 +181,13 @@ class MapModel:
         dict of (sets, 1) arrays
             Values of each parameter by name.
         """
-        centre, spread = self.prior
-        values = centre + z * spread
-        return {
-            name: values[:, [i]] if name in _NORMAL_PRIOR_NAMES else np.exp(values[:, [i]])
-            for i, name in enumerate(self.names)
-        }
+        centre, deviation = self.prior
+        values = centre + z * deviation
+        parameters = {}
+        for i, name in enumerate(self.names):
+            column = values[:, [i]]
+            parameters[name] = column if name in _NORMAL_PRIOR_NAMES else np.exp(column)
+        return parameters
 
     def torque(self, z: Array, w: Array | None = None) -> Array:
         """Compute the motor torque at constant speed for parameter sets.
@@ -207,9 +208,8 @@ class MapModel:
         """
         values: Keywords = {**self.fixed, **self.parameters(z)}
         load = self.total_load(values.pop(LOAD_OFFSET, 0.0))
-        torque = map_torque(
-            drive_with_parameters(self.drive, self.law, values), self.w if w is None else w, load
-        )
+        drive = drive_with_parameters(self.drive, self.law, values)
+        torque = map_torque(drive, self.w if w is None else w, load)
         if w is None:
             torque = torque - self.friction * np.expm1(-self.change(z, self.elapsed))
         return np.broadcast_to(torque, (len(z), np.shape(torque)[-1]))
@@ -303,14 +303,15 @@ class MapModel:
         for errors e with the correlation R_c, and |Wᵀ e|² is eᵀ R_c⁻¹ e. The log-probability is the
         logarithm of p(c) |R_c|^(−1/2), where p(c) is the prior probability of the fraction.
         """
-        correlations, identity = error_correlation(self.w, self.w), np.eye(len(self.w))
-        roots = [
-            np.linalg.cholesky((1 - c) * identity + c * correlations) for c in SHARED_FRACTIONS
-        ]
-        return [
-            (np.linalg.inv(root).T, math.log(p) - float(np.log(np.diag(root)).sum()))
-            for p, root in zip(SHARED_FRACTIONS.values(), roots, strict=True)
-        ]
+        correlations = error_correlation(self.w, self.w)
+        identity = np.eye(len(self.w))
+        whiteners = []
+        for fraction, probability in SHARED_FRACTIONS.items():
+            # R_c = L Lᵀ, so the matrix is L⁻ᵀ, and |R_c|^(1/2) is the product of the diagonal of L.
+            root = np.linalg.cholesky((1 - fraction) * identity + fraction * correlations)
+            log_probability = math.log(probability) - float(np.log(np.diag(root)).sum())
+            whiteners.append((np.linalg.inv(root).T, log_probability))
+        return whiteners
 
     def log_posterior(self, z: Array) -> Array:
         """Compute the logarithm of the posterior density, up to a constant.
@@ -329,11 +330,12 @@ class MapModel:
             Logarithms. They are −inf for a set at which the friction law overflows.
         """
         with np.errstate(all="ignore"):
-            error, exponent = self.residual(z), 0.5 * (len(self.w) + SCATTER_PRIOR_WEIGHT)
-            terms = [
-                constant - exponent * np.log(np.sum((error @ whitener) ** 2, axis=1) + self.floor)
-                for whitener, constant in self.whiteners
-            ]
+            error = self.residual(z)
+            exponent = 0.5 * (len(self.w) + SCATTER_PRIOR_WEIGHT)
+            terms = []
+            for whitener, log_probability in self.whiteners:
+                square = np.sum((error @ whitener) ** 2, axis=1) + self.floor
+                terms.append(log_probability - exponent * np.log(square))
             value = np.logaddexp.reduce(terms, axis=0) - 0.5 * np.sum(z * z, axis=1)
         return np.where(np.isfinite(value), value, -np.inf)
 
@@ -383,25 +385,31 @@ def most_likely(
     (k,) array
         Most likely coordinates.
     """
-    k, rng = len(model.names), np.random.default_rng(RANDOM_SEED)
-    free = np.array([pinned is None or i != pinned[0] for i in range(k)], dtype=bool)
+    k = len(model.names)
+    rng = np.random.default_rng(RANDOM_SEED)
     # Random starts are within about one standard deviation of the prior. The first guess of the
     # scatter is 2 % of the torque range, and a few alternations are enough.
-    starts = [start] if start is not None else [np.zeros(k), *0.7 * rng.standard_normal((3, k))]
+    starts = np.concatenate([np.zeros((1, k)), 0.7 * rng.standard_normal((3, k))])
+    alternations = 3
+    if start is not None:
+        starts = np.array([start], float)
+        alternations = 2
+    free = np.ones(k, dtype=bool)
+    if pinned is not None:
+        free[pinned[0]] = False
+        starts[:, pinned[0]] = pinned[1]
     optima = []
-    for initial in starts:
-        z = np.array(initial, float)
-        if pinned is not None:
-            z[pinned[0]] = pinned[1]
-        scatter = (
-            0.02 * float(np.ptp(model.tau)) if start is None else _most_likely_scatter(model, z)
-        )
-        for _ in range(3 if start is None else 2):
+    for z in starts:
+        scatter = 0.02 * float(np.ptp(model.tau))
+        if start is not None:
+            scatter = _most_likely_scatter(model, z)
+        for _ in range(alternations):
             if free.any():
                 z = _least_squares(model, z, free, scatter)
             scatter = _most_likely_scatter(model, z)
         optima.append(z)
-    optimum = max(optima, key=lambda z: float(model.log_posterior(z[None])[0]))
+    densities = [float(model.log_posterior(z[None])[0]) for z in optima]
+    optimum = optima[int(np.argmax(densities))]
     smallest = smallest_locking_mu(model.drive)
     if pinned is None and "mu" in model.names and model.parameters(optimum[None])["mu"] < smallest:
         i = model.names.index("mu")
@@ -430,9 +438,8 @@ def _most_likely_scatter(model: MapModel, z: Array) -> float:
         Scatter s (N·m), at least 1e-9 of the range of the torque.
     """
     square = float(np.sum(model.residual(z[None]) ** 2)) + model.floor
-    return max(
-        math.sqrt(square / (len(model.w) + SCATTER_PRIOR_WEIGHT)), 1e-9 * float(np.ptp(model.tau))
-    )
+    scatter = math.sqrt(square / (len(model.w) + SCATTER_PRIOR_WEIGHT))
+    return max(scatter, 1e-9 * float(np.ptp(model.tau)))
 
 
 def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Array:
@@ -477,7 +484,8 @@ def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Ar
         steps = step * np.eye(len(z))[free]
         sets = np.concatenate([completed(values)[None], completed(values) + steps])
         residuals = model.residual(sets) / scatter
-        return np.concatenate([((residuals[1:] - residuals[0]) / step).T, np.eye(len(values))])
+        slopes = (residuals[1:] - residuals[0]) / step
+        return np.concatenate([slopes.T, np.eye(len(values))])
 
     solution = least_squares(
         misfit, z[free], jac=jacobian, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=60
@@ -503,7 +511,8 @@ def cross_validation_errors(model: MapModel, z: Array) -> Array:
     (points,) array
         Weighted errors of the predicted torque (N·m).
     """
-    rng, count = np.random.default_rng(RANDOM_SEED), len(model.w)
+    rng = np.random.default_rng(RANDOM_SEED)
+    count = len(model.w)
     folds = min(CROSS_VALIDATION_FOLDS, count)
     fold = np.empty(count, int)
     # Each block of neighbouring speeds gives at most one recording to each fold.
@@ -536,8 +545,9 @@ def simplest_model(models: list[MapModel], errors: list[Array]) -> int:
     int
         Index of the selected model.
     """
-    best_model = min(range(len(models)), key=lambda i: float(np.mean(errors[i] ** 2)))
-    for i in sorted(range(len(models)), key=lambda i: len(models[i].names)):
+    best_model = int(np.argmin([np.mean(error**2) for error in errors]))
+    parameter_counts = [len(model.names) for model in models]
+    for i in np.argsort(parameter_counts, kind="stable").tolist():
         excess = errors[i] ** 2 - errors[best_model] ** 2
         allowed = CLEAR_IMPROVEMENT * np.std(excess) / math.sqrt(len(excess))
         if np.mean(excess) <= allowed + (NEGLIGIBLE_ERROR * np.ptp(models[i].tau)) ** 2:
@@ -631,9 +641,7 @@ def _log_speed(w: Array) -> Array:
 
 
 def _log_distance(v: Array, w: Array) -> Array:
-    """Compute the logarithmic distance between motor speeds.
-
-    The distance of v and w is
+    """Compute the logarithmic distance |ln v − ln w| between the magnitudes of motor speeds.
 
     Magnitudes below `SMALLEST_SPEED` are replaced by it.
 
@@ -697,7 +705,8 @@ def predict_law_error(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     remaining : (samples,) array
         Factors by which the scatter s is multiplied to obtain the standard deviation of the error.
     """
-    speeds, common = np.array(posterior.speeds), posterior.common
+    speeds = np.array(posterior.speeds)
+    common = posterior.common
     if not len(speeds):
         return np.zeros((len(w), 0)), np.ones(len(w))
     shared_covariance = common * error_correlation(w, speeds)
@@ -729,7 +738,8 @@ def extrapolation_distance(posterior: Posterior, w: Array) -> Array:
     """
     speeds = np.array(posterior.speeds)
     same_direction = np.sign(w)[:, None] == np.sign(speeds)
-    logs, recorded = _log_speed(w), np.log(np.abs(speeds))
+    logs = _log_speed(w)
+    recorded = np.log(np.abs(speeds))
     distance_below = np.where(same_direction, recorded, np.inf).min(axis=1) - logs
     distance_above = logs - np.where(same_direction, recorded, -np.inf).max(axis=1)
     distance = np.maximum(np.maximum(distance_below, distance_above), 0.0)

@@ -184,18 +184,24 @@ class Prediction:
 
         The command `predict --json` prints this dict for each recording. It contains no file names.
         """
+        measured = self.recording.tau
+        mean_band = None
+        peak = None
+        if self.band is not None:
+            mean_band = list(self.band.mean)
+            peak = self.band.peak
         return {
             "recording": self.recording.name,
             "nrmsd": self.nrmsd,
-            "nrmsd_law": nrmsd(self.law, self.recording.tau),
+            "nrmsd_law": nrmsd(self.law, measured),
             "position_ripple_rms": rms(self.position_ripple),
             "reaction_rms": rms(self.reaction),
-            "mean_measured": float(self.recording.tau.mean()),
-            "mean_band": None if self.band is None else list(self.band.mean),
+            "mean_measured": float(measured.mean()),
+            "mean_band": mean_band,
             "mean_inside": self.mean_inside,
             "sample_coverage": self.sample_coverage,
-            "peak_measured": largest_magnitude(self.recording.tau),
-            "peak_99": None if self.band is None else self.band.peak,
+            "peak_measured": largest_magnitude(measured),
+            "peak_99": peak,
             "repairs": list(self.recording.repairs),
             "remarks": list(self.remarks),
             "extrapolated_speed": self.unseen,
@@ -306,7 +312,8 @@ def position_ripple_torque(drive: Drive, recording: Recording, motion: "Recorded
         Motor torques (N·m). They are 0 at rest, if the recording lacks the angle, and if the drive
         file lacks the phases of the harmonics.
     """
-    wave, posterior = np.zeros(len(motion.w)), required_friction(drive).posterior
+    wave = np.zeros(len(motion.w))
+    posterior = required_friction(drive).posterior
     if posterior is None or recording.angle is None:
         return wave
     for sign in (1, -1):
@@ -340,9 +347,8 @@ def controller_reaction(drive: Drive, motion: "RecordedMotion", deviation: Array
     if posterior is None or posterior.reaction is None:
         return np.zeros(len(motion.w))
     reaction = posterior.reaction
-    torque = delayed_signals(motion.time, deviation, np.array(reaction.delays)) @ np.array(
-        reaction.taps
-    )
+    delayed = delayed_signals(motion.time, deviation, np.array(reaction.delays))
+    torque = delayed @ np.array(reaction.taps)
     is_known = (reaction.explained_share(motion.w) > 0) & (motion.direction != 0)
     return np.where(is_known, torque, 0.0)
 
@@ -366,16 +372,15 @@ def unseen_speed(drive: Drive, motion: "RecordedMotion") -> float | None:
         `EXTRAPOLATION_THRESHOLD`, or if the drive has no posterior with recordings.
     """
     posterior = required_friction(drive).posterior
-    extremes = np.array(
-        [end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL_SPEED]
-    )
-    extremes = extremes[np.isin(np.sign(extremes), motion.direction)]
+    extremes = np.array([motion.w.max(), motion.w.min()])
+    moves = np.isin(np.sign(extremes), motion.direction)
+    extremes = extremes[moves & (np.abs(extremes) > STANDSTILL_SPEED)]
     if posterior is None or not posterior.speeds or not len(extremes):
         return None
     distance = extrapolation_distance(posterior, extremes)
-    return (
-        float(extremes[np.argmax(distance)]) if distance.max() > EXTRAPOLATION_THRESHOLD else None
-    )
+    if distance.max() <= EXTRAPOLATION_THRESHOLD:
+        return None
+    return float(extremes[np.argmax(distance)])
 
 
 def law_correction(drive: Drive, motion: "RecordedMotion", load: float) -> Array:
@@ -470,7 +475,8 @@ def _parameter_set_differences(drive: Drive, posterior: Posterior, w: Array, loa
     """
     sets: Keywords = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
-    drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((len(posterior.draws), 1), offset))
+    drawn_offset = sets.pop(LOAD_OFFSET, np.full((len(posterior.draws), 1), offset))
+    drawn_load = load - offset + drawn_offset
     drives = drive_with_values(drive, sets)
 
     def difference(v: Array) -> Array:
@@ -521,36 +527,40 @@ def prediction_band(
         return None
     # Samples of equal speed and direction have equal bands, so each such pair is drawn once.
     w, direction, index = _distinct_speeds(motion)
-    rng, count = np.random.default_rng(RANDOM_SEED), len(posterior.draws)
+    rng = np.random.default_rng(RANDOM_SEED)
+    count = len(posterior.draws)
+    # Deviations of the torque from the prediction, (parameter sets, pairs).
     spread = _parameter_set_differences(drive, posterior, w, load)
-    scatter = posterior.scatter * predict_law_error(posterior, w)[1]
+    _, remaining = predict_law_error(posterior, w)
+    scatter = posterior.scatter * remaining
     spread += scatter * rng.standard_t(SCATTER_DEGREES, (count, 1)) - np.median(spread, axis=0)
     spread[:, direction == 0] = 0.0
-    low, high = central_interval(
-        # The mean over all samples weights each distinct speed by its number of samples.
-        tau.mean() + spread @ (np.bincount(index, minlength=len(w)) / len(index))
-    )
+    # The mean over all samples weights each distinct speed by its number of samples.
+    sample_shares = np.bincount(index, minlength=len(w)) / len(index)
+    mean_band = central_interval(tau.mean() + spread @ sample_shares)
     wave = np.broadcast_to(position_ripple, len(tau))
     peaks = np.zeros(count)
     for sign in (1, -1):
-        in_direction, unpredicted = direction == sign, posterior.ripple(sign)
+        in_direction = direction == sign
+        unpredicted = posterior.ripple(sign)
         if not in_direction.any():
             continue
-        top_sample = int(np.argmax(np.abs(tau) * (motion.direction == sign)))
+        sample_in_direction = motion.direction == sign
         # The largest torque occurs where the predicted one is largest.
+        top_sample = int(np.argmax(np.abs(tau) * sample_in_direction))
         peak = np.abs(tau[top_sample] + spread[:, index[top_sample]])
         if unpredicted is not None:
             peak += unpredicted.draw_peak(rng, count)
-            known_square = float(np.mean(wave[motion.direction == sign] ** 2))
+            known_square = float(np.mean(wave[sample_in_direction] ** 2))
             draws = unpredicted.draw(rng, count, known_square)[:, None]
             if posterior.reaction is not None:
                 square = posterior.reaction.remaining_rms(w[in_direction]) ** 2 - known_square
                 draws = np.sqrt(np.maximum(square, 0.0)) * rng.standard_normal((count, 1))
             spread[:, in_direction] += draws
         peaks = np.maximum(peaks, peak)
-    ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, index]
-    ends += tau + wave + reaction
-    return PredictionBand((low, high), ends[0], ends[1], float(np.quantile(peaks, PEAK_CONFIDENCE)))
+    ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
+    low, high = ends[:, index] + (tau + wave + reaction)
+    return PredictionBand(mean_band, low, high, float(np.quantile(peaks, PEAK_CONFIDENCE)))
 
 
 @record
@@ -668,13 +678,16 @@ def friction_coefficient_along(friction: Friction, motion: RecordedMotion) -> Ar
     speed = np.abs(delayed_speed(friction, motion.time, motion.w))
     mu = np.array(friction_coefficient(friction, speed), dtype=float)
     for k, (start, stop) in enumerate(motion.rests):
-        dwell = (
-            motion.time[min(stop, len(mu) - 1)]
-            - motion.time[start]
-            + (INITIAL_REST_TIME if start == 0 else 0.0)
-        )
-        breakaway_mu = float(static_coefficient(friction, dwell, mu[start - 1] if start else None))
-        end = motion.rests[k + 1][0] if k + 1 < len(motion.rests) else len(mu)
+        dwell = motion.time[min(stop, len(mu) - 1)] - motion.time[start]
+        previous_mu = None
+        if start == 0:
+            dwell += INITIAL_REST_TIME
+        else:
+            previous_mu = mu[start - 1]
+        breakaway_mu = float(static_coefficient(friction, dwell, previous_mu))
+        end = len(mu)
+        if k + 1 < len(motion.rests):
+            end, _ = motion.rests[k + 1]
         mu[start:stop] = breakaway_mu
         shape = np.zeros(end - stop)
         if friction.law != "coulomb" and friction.stribeck_speed:

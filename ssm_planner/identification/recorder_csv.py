@@ -142,7 +142,8 @@ class RepairNotes:
         """
         edited = _EDIT_REMARK.fullmatch(text)
         if edited:
-            value, original = edited.group(1).strip(), edited.group(2)
+            value, original = edited.groups()
+            value = value.strip()
             self.add(
                 f"line {line + 1}: edited value {value} restored to {original}, which the file "
                 "states it was"
@@ -165,7 +166,7 @@ class RepairNotes:
             Notes on single values, and then notes on several lines with their number.
         """
         counted_notes = [
-            f"{len(k)} {text} (first: line {k[0]})" for text, k in self.counted.items()
+            f"{len(lines)} {text} (first: line {lines[0]})" for text, lines in self.counted.items()
         ]
         return self.doubts + counted_notes
 
@@ -294,8 +295,9 @@ def parse_table(text: str, path: Path) -> Table:
     units = [""] * len(names)
     if start < len(lines):
         unit_fields = [field.strip().strip('"') for field in _split_fields(lines[start], separator)]
-        if unit_fields and not any(_WITH_MARKS.fullmatch(f) for f in unit_fields):
-            units, start = unit_fields, start + 1
+        if unit_fields and not _matching_fields(_WITH_MARKS, unit_fields):
+            units = unit_fields
+            start += 1
     columns = itertools.zip_longest(names, units, fillvalue="")
     names, units = map(list, zip(*columns, strict=True))
     notes = RepairNotes(path)
@@ -337,20 +339,22 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
     RecordingError
         If a required column is missing or its unit is unknown.
     """
-    headings = [_split_heading(*pair) for pair in zip(table.names, table.units, strict=True)]
+    headings = list(map(_split_heading, table.names, table.units))
     columns: dict[str, Column] = {}
     for quantity, accepted in COLUMN_NAMES.items():
-        matches = [
-            k for name in accepted for k, heading in enumerate(headings) if heading[0] == name
-        ]
+        matches: list[int] = []
+        for accepted_name in accepted:
+            matches += [k for k, (name, _) in enumerate(headings) if name == accepted_name]
         if matches:
-            index, *others = matches
-            columns[quantity] = _build_column(table, path, quantity, index, unit=headings[index][1])
-            table.doubts += [
-                f"the {quantity} is read from column {table.names[index]!r}, not from {other!r}"
-                for other in (table.names[k] for k in others)
-                if other
-            ]
+            index = matches[0]
+            _, unit = headings[index]
+            columns[quantity] = _build_column(table, path, quantity, index, unit=unit)
+            for other in matches[1:]:
+                if table.names[other]:
+                    table.doubts.append(
+                        f"the {quantity} is read from column {table.names[index]!r}, "
+                        f"not from {table.names[other]!r}"
+                    )
         elif quantity != "position":
             raise RecordingError(
                 f"{path}: no {quantity} column among "
@@ -386,7 +390,9 @@ def _build_column(table: Table, path: Path, quantity: str, index: int, *, unit: 
     RecordingError
         If the unit is unknown.
     """
-    name, allowed, key = table.names[index], COLUMN_UNITS[quantity], unit.lower()
+    name = table.names[index]
+    allowed = COLUMN_UNITS[quantity]
+    key = unit.lower()
     if key not in allowed:
         unit_text = f"unit {unit!r}" if unit else "no unit"
         raise RecordingError(
@@ -422,12 +428,9 @@ def _find_heading(lines: list[str], path: Path) -> tuple[str, int]:
     """
     prefixes = ("velocity", "speed", "torque", "tau", "omega")
     for separator, (k, line) in itertools.product((";", "\t", ","), enumerate(lines[:200])):
-        fields = [f.strip().strip('"').lower() for f in _split_fields(line, separator)]
-        if (
-            len(fields) >= 2
-            and any(f.startswith(prefixes) for f in fields)
-            and not fields[0].startswith("trigger")
-        ):
+        fields = [field.strip().strip('"').lower() for field in _split_fields(line, separator)]
+        has_channel = any(field.startswith(prefixes) for field in fields)
+        if len(fields) >= 2 and has_channel and not fields[0].startswith("trigger"):
             return separator, k
     raise RecordingError(
         f"{path}: no line of channel names found (a velocity and a torque column are needed, "
@@ -460,7 +463,8 @@ def _split_heading(name: str, unit: str) -> tuple[str, str]:
     name = name.strip().lower()
     stem, _, suffix = name.rpartition("_")
     if stem and not unit and any(suffix in units for units in COLUMN_UNITS.values()):
-        name, unit = stem, suffix
+        name = stem
+        unit = suffix
     return name.replace("_", " "), unit.strip()
 
 
@@ -563,14 +567,22 @@ def _decimal_marks(rows: list[list[str]], width: int) -> list[str]:
         Decimal mark of each column, "." or ",". It is "" for a column that remains ambiguous or
         contradicts itself.
     """
-    columns = [[_BLANKS.sub("", _remove_quotes(row[k])) for row in rows] for k in range(width)]
+    columns = []
+    for k in range(width):
+        columns.append([_BLANKS.sub("", _remove_quotes(row[k])) for row in rows])
     certain_marks = [_certain_marks(fields) for fields in columns]
-    numbers = _matching_fields(_WITH_MARKS, itertools.chain.from_iterable(columns))
-    table_marks = set().union(*certain_marks) or set("".join(numbers)) & set(".,")
-    return [
-        _guess_mark(fields, table_marks) if not marks else "".join(marks) if len(marks) == 1 else ""
-        for fields, marks in zip(columns, certain_marks, strict=True)
-    ]
+    table_marks = set().union(*certain_marks)
+    if not table_marks:
+        numbers = _matching_fields(_WITH_MARKS, itertools.chain.from_iterable(columns))
+        table_marks = set("".join(numbers)) & set(".,")
+    decimal_marks = []
+    for fields, marks in zip(columns, certain_marks, strict=True):
+        if not marks:
+            decimal_marks.append(_guess_mark(fields, table_marks))
+        else:
+            # Two marks contradict each other.
+            decimal_marks.append(marks.pop() if len(marks) == 1 else "")
+    return decimal_marks
 
 
 def _certain_marks(fields: list[str]) -> set[str]:
@@ -666,27 +678,27 @@ def _read_samples(
     rows, numbers, too_long = _split_rows(lines, start, width, separator, notes)
     if not rows:
         raise RecordingError(f"{notes.path}: no sample follows the header")
-    comma_separated = separator == ","
-    if comma_separated and len(too_long) > max(1, LARGEST_OMITTED_SHARE * len(rows)):
+    if separator == "," and len(too_long) > max(1, LARGEST_OMITTED_SHARE * len(rows)):
         raise RecordingError(
             f"{notes.path}:{too_long[0]}: more fields than the {width} columns that the "
             "header names: where the comma separates columns, numbers with a decimal comma must be "
             "quoted"
         )
     if too_long:
+        treatment = "left out" if separator == "," else "the rest ignored"
         notes.add(
             f"{len(too_long)} lines with more than {width} columns (first: line {too_long[0]}): "
-            + ("left out" if comma_separated else "the rest ignored")
+            f"{treatment}"
         )
     try:
         return np.array(rows, dtype=float), numbers
     except ValueError:
         marks = _decimal_marks(rows, width)
-    values = [
-        [notes.number(f, k - 1, m) for f, m in zip(row, marks, strict=True)]
-        for k, row in zip(numbers, rows, strict=True)
-    ]
-    return np.array(values), numbers
+    values = np.empty((len(rows), width))
+    for k, (line_number, row) in enumerate(zip(numbers, rows, strict=True)):
+        for j, mark in enumerate(marks):
+            values[k, j] = notes.number(row[j], line_number - 1, mark)
+    return values, numbers
 
 
 def _split_rows(

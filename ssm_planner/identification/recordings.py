@@ -37,7 +37,8 @@ SUSPICIOUS_COUNT = 8
 
 The samples are those at the largest torque, or equal ones in a row.
 """
-PEAK_BAND, PEAK_EXCESS = 0.01, 4
+PEAK_BAND = 0.01
+PEAK_EXCESS = 4
 """Width of a band below the largest |torque|, as a share of the range of |torque|.
 
 The torque seems to be limited if this band contains more than PEAK_EXCESS times as many samples as
@@ -50,7 +51,8 @@ A channel with a coarse resolution also has runs of equal torques, but their len
 """
 UNSUSTAINABLE_TORQUE_RATIO = 2.0
 """Ratio of mean |torque| to nominal torque above which no motor can work continuously."""
-PASSAGE_LENGTH, REPEATED_SHARE = 8, 0.5
+PASSAGE_LENGTH = 8
+REPEATED_SHARE = 0.5
 """Number of samples in a passage, and share of the passages that a repetition has in common.
 
 Recordings are compared by their passages, that is, by short sequences of consecutive samples.
@@ -146,20 +148,14 @@ def read_recording(
     path = Path(path)
     table = parse_table(read_text(path), path)
     columns = find_columns(table, path)
-    references = {
-        "torque": nominal_torque,
-        "position": None if counts_per_turn is None else 1 / counts_per_turn,
-    }
-    channels = np.array(
-        [
-            _column_in_si(table, columns[key], path, key, references)
-            if key in columns
-            else np.zeros(len(table.lines))
-            for key in ("time", "speed", "torque", "position")
-        ]
-    )
+    turns_per_count = None if counts_per_turn is None else 1 / counts_per_turn
+    references = {"torque": nominal_torque, "position": turns_per_count}
+    channels = np.zeros((4, len(table.lines)))
+    for k, quantity in enumerate(("time", "speed", "torque", "position")):
+        if quantity in columns:  # the position may be missing
+            channels[k] = _column_in_si(table, columns[quantity], path, quantity, references)
     channels, lines, repairs = _finite_samples(channels, table, path)
-    doubts = (*table.doubts, *repairs)
+    doubts = table.doubts + repairs
     if not every_sample:
         repairs += _remove_spikes(channels, lines)
     time, speed, torque, angle = channels[:, np.isfinite(channels).all(axis=0)]
@@ -168,21 +164,20 @@ def read_recording(
             f"{path}: torque channel {columns['torque'].name!r} is constant while the motor moves: "
             "not a measurement"
         )
-    repairs += _torque_remarks(
-        torque, columns["torque"], nominal_torque, np.abs(speed) > STANDSTILL_SPEED
-    )
+    is_moving = np.abs(speed) > STANDSTILL_SPEED
+    repairs += _torque_remarks(torque, columns["torque"], nominal_torque, is_moving)
     repairs += _time_remarks(time, table.header)
     return Recording(
         name=name or path.name,
         time=time - time[0],
         w=direction * speed,
         tau=direction * torque,
-        repairs=(*table.repairs, *repairs),
+        repairs=tuple(table.repairs + repairs),
         quantum=smallest_step(speed, 6),
         header=table.header,
         angle=direction * angle if "position" in columns else None,
         begin=float(time[0]),
-        doubts=doubts,
+        doubts=tuple(doubts),
     )
 
 
@@ -221,7 +216,8 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
             f"{path}:{bad_lines[0]}: {len(bad_lines)} of {count} samples are not finite numbers; "
             f"at most {100 * LARGEST_OMITTED_SHARE:.0f} % may be left out"
         )
-    lines, channels = np.asarray(table.lines)[finite], channels[:, finite]
+    lines = np.asarray(table.lines)[finite]
+    channels = channels[:, finite]
     # Times since 1970 are below 1e10 s, and all other values are smaller.
     huge = np.abs(channels).max(axis=0) > 1e12
     if huge.any():
@@ -272,10 +268,7 @@ def _remove_spikes(channels: Array, lines: Indices) -> list[str]:
 
 
 def read_recordings(
-    paths: Sequence[str | Path],
-    *,
-    nominal_torque: float | None = None,
-    direction: int = 1,
+    paths: Sequence[str | Path], *, nominal_torque: float | None = None, direction: int = 1
 ) -> list[Recording]:
     """Read recordings from files, and from all tables in directories.
 
@@ -304,7 +297,9 @@ def read_recordings(
     for entry in map(Path, paths):
         if entry.is_dir():
             tables = sorted(
-                p for p in entry.rglob("*") if p.suffix.lower() in (".csv", ".txt") and p.is_file()
+                file
+                for file in entry.rglob("*")
+                if file.suffix.lower() in (".csv", ".txt") and file.is_file()
             )
             if not tables:
                 raise RecordingError(f"{entry}: no .csv or .txt file in this directory")
@@ -413,12 +408,12 @@ def _column_in_si(
     """
     reference = references[quantity] if column.relative else 1.0
     if reference is None:
-        needed = {
-            "torque": "the motor's nominal torque is needed (nominal_torque in the drive file's "
-            "rig)",
-            "position": "the increments per motor turn are needed, but encoder_counts is missing from "
-            "the motor file or a placeholder: give --counts-per-turn",
-        }[quantity]
+        needed = (
+            "the increments per motor turn are needed, but encoder_counts is missing from the motor "
+            "file or a placeholder: give --counts-per-turn"
+        )
+        if quantity == "torque":
+            needed = "the motor's nominal torque is needed (nominal_torque in the drive file's rig)"
         raise RecordingError(f"{path}: {quantity} is in {column.unit}, so {needed}")
     return table.values[:, column.index] * (column.factor * reference)
 
@@ -442,7 +437,8 @@ def _time_remarks(time: Array, header: dict[str, str]) -> Iterator[str]:
     str
         One sentence for each finding.
     """
-    period, steps = header.get("sampling period", ""), 1e3 * np.diff(time)
+    period = header.get("sampling period", "")
+    steps = 1e3 * np.diff(time)
     step = float(np.median(steps))
     if NUMBER.fullmatch(period) and float(period) > 0 and not 0.5 < step / float(period) < 2.0:
         yield (
@@ -479,13 +475,11 @@ def _torque_remarks(
     """
     size = np.abs(torque)
     distance_to_peak = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
-    count_at_peak, count_below_peak = (
-        int(np.sum((distance_to_peak >= lower) & (distance_to_peak < lower + PEAK_BAND)))
-        for lower in (0.0, PEAK_BAND)
-    )
+    count_at_peak = np.sum(distance_to_peak < PEAK_BAND)
+    count_below_peak = np.sum(distance_to_peak < 2 * PEAK_BAND) - count_at_peak
     repeats = (np.diff(torque) == 0.0) & moving[1:] & moving[:-1]
-    run_lengths = (stop - start + 1 for start, stop in true_runs(repeats))
-    *_, second_run, longest_run = sorted([1, 1, *run_lengths])
+    run_lengths = [stop - start + 1 for start, stop in true_runs(repeats)]
+    second_run, longest_run = sorted([1, 1] + run_lengths)[-2:]
     if count_at_peak >= SUSPICIOUS_COUNT and count_at_peak > PEAK_EXCESS * count_below_peak:
         yield (
             f"torque stays at its largest value in {count_at_peak} samples: limited by the drive, "
@@ -515,12 +509,14 @@ def _percent_remarks(share: Array, unit: str) -> Iterator[str]:
     str
         The remark.
     """
-    percent, size = 100 * share, np.abs(share)
-    whole_percents = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
-    if whole_percents or np.mean(size) > UNSUSTAINABLE_TORQUE_RATIO:
+    percent = 100 * share
+    size = np.abs(share)
+    is_whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
+    if is_whole or np.mean(size) > UNSUSTAINABLE_TORQUE_RATIO:
+        remark = ", in whole numbers" if is_whole else ""
         yield (
-            f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
-            f"{', in whole numbers' if whole_percents else ''}: are the values ‰, labelled {unit}?"
+            f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque{remark}: are the "
+            f"values ‰, labelled {unit}?"
         )
 
 
@@ -545,22 +541,20 @@ def remove_repetitions(recordings: list[Recording]) -> tuple[list[Recording], li
     """
     originals: list[tuple[str, set[int]]] = []
     remarks: dict[int, str] = {}
-    for recording in sorted(recordings, key=lambda r: -len(r.w)):
+    for recording in sorted(recordings, key=lambda item: -len(item.w)):
         samples = np.column_stack([recording.w / 1e-6, recording.tau / 1e-9])
         rounded = np.round(samples).astype(np.int64)
         starts = range(max(len(rounded) - PASSAGE_LENGTH, 0) + 1)
         passages = {hash(rounded[k : k + PASSAGE_LENGTH].tobytes()) for k in starts}
         minimum = REPEATED_SHARE * len(passages)
-        source = next(
-            (name for name, earlier in originals if len(passages & earlier) > minimum), None
-        )
-        if source is None:
-            originals.append((recording.name, passages))
-        else:
-            text = f"{recording.name}: the same samples as {source}, counted once"
+        sources = [name for name, earlier in originals if len(passages & earlier) > minimum]
+        if sources:
+            text = f"{recording.name}: the same samples as {sources[0]}, counted once"
             remarks[id(recording)] = text
-    remaining = [r for r in recordings if id(r) not in remarks]
-    return remaining, [remarks[id(r)] for r in recordings if id(r) in remarks]
+        else:
+            originals.append((recording.name, passages))
+    remaining = [item for item in recordings if id(item) not in remarks]
+    return remaining, [remarks[id(item)] for item in recordings if id(item) in remarks]
 
 
 def true_runs(mask: Mask) -> list[list[int]]:

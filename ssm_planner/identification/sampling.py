@@ -105,7 +105,9 @@ class PosteriorSample:
     @cached_property
     def covariance(self) -> Array:
         """Covariance (k, k) of the coordinates z."""
-        return _weighted_moments(*self.flat)[1]
+        z, weight = self.flat
+        _, covariance = _weighted_moments(z, weight)
+        return covariance
 
     @property
     def scatter(self) -> Array:
@@ -263,8 +265,9 @@ def _draw_weighted_sets(model: MapModel, mixture: Mixture, index: Indices, shift
 
     u = _quasirandom_points(index, len(model.names), shift)
     curved = u[:, ~model.linear]
-    # Quantiles of the normal distribution and of Student's t with two degrees of freedom.
-    y, quantile = ndtri(curved), (2 * curved - 1) / np.sqrt(2 * curved * (1 - curved))
+    # Quantiles of the normal distribution, and of Student's t with two degrees of freedom
+    y = ndtri(curved)
+    quantile = (2 * curved - 1) / np.sqrt(2 * curved * (1 - curved))
     # Points with the last remainder belong to the prior.
     component = index % (len(mixture) + 1)
     for k, (mean, root) in enumerate(mixture):
@@ -283,12 +286,13 @@ def _draw_weighted_sets(model: MapModel, mixture: Mixture, index: Indices, shift
     sets[..., -2] -= log_proposal
     # Sets at which the law overflows get the weight 0. Their other values must be finite.
     is_invalid = ~np.isfinite(sets[..., -2])
-    sets[is_invalid], sets[is_invalid, -2] = 0.0, -np.inf
+    sets[is_invalid] = 0.0
+    sets[is_invalid, -2] = -np.inf
     return sets
 
 
 def _draw_bearing_friction(
-    model: MapModel, z: Array, residual: Array, u: Array, whitener: Array, log_share: float
+    model: MapModel, z: Array, residual: Array, u: Array, whitener: Array, log_probability: float
 ) -> Array:
     """Draw the bearing friction b_c and b_v of every point, given its other parameters.
 
@@ -308,7 +312,7 @@ def _draw_bearing_friction(
         Quantiles in [0, 1) that determine the draw.
     whitener : (recordings, recordings) array
         Matrix of `MapModel.whiteners` that makes the errors of the recordings independent.
-    log_share : float
+    log_probability : float
         Logarithm of p(c) |R_c|^(−1/2), which belongs to the whitener.
 
     Returns
@@ -323,13 +327,16 @@ def _draw_bearing_friction(
     linear = np.flatnonzero(model.linear)
     centre, spread = model.prior
     q, r = np.linalg.qr((_bearing_slopes(model) @ whitener).T)
-    z, x = z.copy(), np.zeros((len(z), len(linear)))
+    z = z.copy()
+    x = np.zeros((len(z), len(linear)))
     error = residual @ whitener
-    best_fit, log_density = -error @ q, np.zeros(len(z))
+    best_fit = -error @ q
+    log_density = np.zeros(len(z))
     square = np.sum((error + best_fit @ q.T) ** 2, axis=1) + model.floor
     for j in reversed(range(len(linear))):
         # Given x_{j+1}, …, the positive x_j is t-distributed about its regression on them.
-        i, freedom = linear[j], degrees - 1 - j
+        i = linear[j]
+        freedom = degrees - 1 - j
         scale = np.sqrt(square / freedom) / abs(r[j, j])
         middle = (best_fit[:, j] - x[:, j + 1 :] @ r[j, j + 1 :]) / r[j, j]
         positive = stdtr(freedom, middle / scale)
@@ -338,7 +345,7 @@ def _draw_bearing_friction(
         z[:, i] = (np.log(x[:, j]) - centre[i]) / spread[i]
         log_density += _log_t(t, freedom) + np.log(spread[i] * x[:, j] / (scale * positive))
         square = square * (1 + t * t / freedom)
-    log_posterior = log_share - 0.5 * degrees * np.log(square) + _log_normal(z)
+    log_posterior = log_probability - 0.5 * degrees * np.log(square) + _log_normal(z)
     return np.column_stack([z, log_posterior - log_density, square])
 
 
@@ -387,9 +394,13 @@ def _fit_mixture(y: Array, weight: Array, divisions: int) -> Mixture:
     groups = [np.arange(len(y))]
     for _ in range(divisions):
         groups = [half for group in groups for half in _halve_group(group, y, weight)]
-    moments = (_weighted_moments(y[group], weight[group]) for group in groups)
-    widening = COVARIANCE_WIDENING * _weighted_moments(y, weight)[1]
-    return [(mean, np.asarray(np.linalg.cholesky(c + widening))) for mean, c in moments]
+    _, total_covariance = _weighted_moments(y, weight)
+    widening = COVARIANCE_WIDENING * total_covariance
+    mixture = []
+    for group in groups:
+        mean, covariance = _weighted_moments(y[group], weight[group])
+        mixture.append((mean, np.asarray(np.linalg.cholesky(covariance + widening))))
+    return mixture
 
 
 def _halve_group(group: Indices, y: Array, weight: Array) -> list[Indices]:

@@ -79,17 +79,15 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> Iterator[str]
                 "its dependence on speed, and widens the intervals. Record the speeds in random "
                 "order"
             )
-    everything = [
-        *zip(data.times.tolist(), data.names, strict=True),
-        *((recording.date, recording.name) for recording in moving),
-    ]
-    dated = sorted(pair for pair in everything if np.isfinite(pair[0]))
+    recorded = list(zip(data.times.tolist(), data.names, strict=True))
+    recorded += [(recording.date, recording.name) for recording in moving]
+    dated = sorted((time, name) for time, name in recorded if np.isfinite(time))
     for (earlier_time, _), (later_time, name) in pairwise(dated):
-        if later_time - earlier_time > LONG_PAUSE:
+        pause = later_time - earlier_time
+        if pause > LONG_PAUSE:
             yield (
-                f"{name} was recorded {_duration_text(later_time - earlier_time)} after the "
-                "recordings before it: "
-                "the drive may have cooled down or changed in between"
+                f"{name} was recorded {_duration_text(pause)} after the recordings before it: the "
+                "drive may have cooled down or changed in between"
             )
 
 

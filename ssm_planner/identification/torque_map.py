@@ -134,7 +134,8 @@ class TorqueMap:
         opposite = np.empty(len(self.w))
         for side in (self.w > 0, self.w < 0):
             # Negated speeds of the other direction are in increasing order after reversal.
-            mirrored_w, mirrored_tau = -self.w[~side][::-1], self.tau[~side][::-1]
+            mirrored_w = -self.w[~side][::-1]
+            mirrored_tau = self.tau[~side][::-1]
             opposite[side] = np.interp(self.w[side], mirrored_w, mirrored_tau)
         return (self.tau - opposite) / 2
 
@@ -159,16 +160,13 @@ class TorqueMap:
             torque.
         """
         side = np.sign(self.w) == sign
-        if (
-            self.ripple is None
-            or self.peak is None
-            or not side.any()
-            or not np.all(self.tau_deviation[side] > 0)
-        ):
+        deviation = self.tau_deviation[side]
+        if self.ripple is None or self.peak is None or not side.any() or not np.all(deviation > 0):
             return None
-        deviation, share = self.tau_deviation[side], self.ripple[side] / self.tau_deviation[side]
-        typical = float(np.median(share[np.isfinite(share)])) if np.isfinite(share).any() else 0.0
-        ripple = deviation * np.where(np.isfinite(share), share, typical)
+        share = self.ripple[side] / deviation
+        is_known = np.isfinite(share)
+        typical = float(np.median(share[is_known])) if is_known.any() else 0.0
+        ripple = deviation * np.where(is_known, share, typical)
         return Ripple(
             torque=tuple(np.maximum(np.abs(self.tau[side]), 1e-12)),
             ripple=tuple(ripple),
@@ -197,11 +195,9 @@ def rest_mask(time: Array, w: Array) -> Mask:
         True at rest.
     """
     is_still = np.abs(w) <= STANDSTILL_SPEED
-    noise_speed = (
-        NOISE_SPEED_SHARE * float(np.quantile(np.abs(w[~is_still]), 0.9))
-        if not is_still.all()
-        else 0.0
-    )
+    noise_speed = 0.0
+    if not is_still.all():
+        noise_speed = NOISE_SPEED_SHARE * float(np.quantile(np.abs(w[~is_still]), 0.9))
     for start, stop in true_runs(~is_still):
         if stop - start < REST_SAMPLES and np.max(np.abs(w[start:stop])) < noise_speed:
             is_still[start:stop] = True
@@ -272,14 +268,16 @@ def compute_torque_map(recordings: Sequence[Recording]) -> TorqueMap:
     order = sorted(recordings, key=lambda recording: float(recording.w.mean()))
     repairs = [f"{recording.name}: {repair}" for recording in order for repair in recording.repairs]
     for recording in order:
-        size, deviation = abs(recording.w.mean()), recording.w.std()
+        size = abs(recording.w.mean())
+        deviation = recording.w.std()
         if deviation > size:
             repairs.append(
                 f"{recording.name}: speed noisier than its mean ({deviation:.3g} > {size:.3g} "
                 "rad/s), kept"
             )
         third = len(recording.w) // 3
-        initial, final = float(recording.w[:third].mean()), float(recording.w[-third:].mean())
+        initial = float(recording.w[:third].mean())
+        final = float(recording.w[-third:].mean())
         tolerance = max(LARGEST_DRIFT * size, OUTLIER_SCORE * deviation / np.sqrt(third))
         if abs(final - initial) > tolerance:
             repairs.append(
@@ -477,7 +475,8 @@ def _outlier_scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, flo
     deviation : float
         Robust standard deviation σ of one torque (N·m).
     """
-    distance, spread = np.full(len(w), np.nan), np.ones(len(w))
+    distance = np.full(len(w), np.nan)
+    spread = np.ones(len(w))
     for sign in (-1.0, 1.0):
         points = np.flatnonzero(mask & (np.sign(w) == sign))
         count = len(points)
@@ -487,7 +486,8 @@ def _outlier_scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, flo
         lower = points[[1, *range(count - 2), count - 3]]
         upper = points[[2, *range(2, count), count - 2]]
         width = w[upper] - w[lower]
-        share = np.where(width == 0, 0.5, (w[points] - w[lower]) / np.where(width == 0, 1.0, width))
+        share = np.full(count, 0.5)  # position between two points of the same speed
+        np.divide(w[points] - w[lower], width, out=share, where=width != 0)
         distance[points] = tau[points] - (1 - share) * tau[lower] - share * tau[upper]
         spread[points] = np.sqrt(1.0 + (1 - share) ** 2 + share**2)
     finite = np.isfinite(distance)

@@ -26,7 +26,8 @@ import numpy as np
 from ssm_planner.interior.spline import Spline
 from ssm_planner.typing import Array, Indices, keyword_record, record
 
-_P, _L = ctypes.c_void_p, ctypes.c_long
+_P = ctypes.c_void_p
+_L = ctypes.c_long
 _Values = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P, _P)
 _Derivatives = ctypes.CFUNCTYPE(ctypes.c_int, *[_P] * 4, ctypes.POINTER(_P))
 

@@ -202,11 +202,7 @@ def _select_solutions(
 
 
 def _roll_and_tilt_of_tips(
-    mech: Mechanism,
-    tip: Array,
-    depth: Array,
-    at_rcm: Mask,
-    reference: ArrayLike | None,
+    mech: Mechanism, tip: Array, depth: Array, at_rcm: Mask, reference: ArrayLike | None
 ) -> tuple[Array, Array]:
     """Compute the roll and the tilt with which the tool reaches tip positions.
 

@@ -44,10 +44,7 @@ class Compliance:
 
     @classmethod
     def from_frequencies(
-        cls,
-        body: RigidBody,
-        q: Array,
-        frequency: Sequence[float] = JOINT_FREQUENCIES,
+        cls, body: RigidBody, q: Array, frequency: Sequence[float] = JOINT_FREQUENCIES
     ) -> "Compliance":
         """Compute stiffness and damping from the natural frequencies of the joints.
 
@@ -248,7 +245,10 @@ class ArmPlant:
         blocked = ca.SX.sym("blocked", 4)
         friction = ca.SX.sym("friction", 4 * len(FRICTION_PARAMETERS))
         inputs = (x, tau, locked, blocked, friction)
-        q, qd, w, motor = x[Q], x[QD], x[W], x[MOTOR]
+        q = x[Q]
+        qd = x[QD]
+        w = x[W]
+        motor = x[MOTOR]
         predictor = self._forces(inputs, q + half * qd, motor + half * w, qd, w)
         middle_qd = qd + half * self.accelerations(q + half * qd, qd, predictor.load, locked)
         middle_w = predictor.mean
@@ -492,7 +492,8 @@ def _with_friction(drive: Drive, values: ca.SX) -> Drive:
     Drive
         The copy.
     """
-    friction, changed = copy.copy(required_friction(drive)), copy.copy(drive)
+    friction = copy.copy(required_friction(drive))
+    changed = copy.copy(drive)
     for name, value in zip(FRICTION_PARAMETERS, ca.vertsplit(values), strict=True):
         object.__setattr__(friction, name, value)
     object.__setattr__(changed, "friction", friction)

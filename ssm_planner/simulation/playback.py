@@ -290,7 +290,8 @@ class ControlledArm(ArmPlant):
             state[MOTOR][k] = motor[k]
             if state[W][k] == 0.0:
                 continue
-            joint, electrics = self.robot.joints[k], self.electrics[k]
+            joint = self.robot.joints[k]
+            electrics = self.electrics[k]
             gains = loop_gains(joint, self.controller, electrics)
             state[CURRENT][k] = torques[k] / electrics.torque_constant
             state[INTEGRAL][k] = state[CURRENT][k] - (
@@ -429,7 +430,9 @@ class ControlledArm(ArmPlant):
         x = ca.SX.sym("x", CONTROLLED_STATE_SIZE)
         u = ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION_PARAMETERS))
         # The offsets of the encoders are u[25:29], which `_control_joint` reads.
-        prescribed, stalled, friction = u[16:20], u[20:24], u[29:]
+        prescribed = u[16:20]
+        stalled = u[20:24]
+        friction = u[29:]
         power = ca.logic_and(u[24], ca.mmax(x[TRIP]) == 0)
         names = ("tau", "current", "i", "d", "e", "trip", "cut")
         columns = {name: ca.SX.zeros(4) for name in names}  # Joints without a drive have zeros.
@@ -468,7 +471,10 @@ class ControlledArm(ArmPlant):
             a limited current (`cut`).
         """
         # The input begins with four commands of each kind. The encoder offsets follow at 25.
-        demand, speed, acceleration, torque = u[k], u[k + 4], u[k + 8], u[k + 12]
+        demand = u[k]
+        speed = u[k + 4]
+        acceleration = u[k + 8]
+        torque = u[k + 12]
         offset = u[k + 25]
         joint = self.robot.joints[k]
         electrics = self.electrics[k]

@@ -346,7 +346,8 @@ class SimulationResult:
 
         The command `simulate --json` prints this dict.
         """
-        losses, worst = self.losses, self.losses.worst
+        losses = self.losses
+        worst = self.losses.worst
         return {
             "passed": self.passed,
             "tracking": [vars(joint) for joint in self.tracking],

@@ -22,11 +22,7 @@ from ssm_planner.sizing.checks import (
     tightest_check,
     upper_limit_check,
 )
-from ssm_planner.sizing.demand import (
-    Band,
-    DemandName,
-    Demands,
-)
+from ssm_planner.sizing.demand import Band, DemandName, Demands
 from ssm_planner.sizing.heat_check import Heat, compute_heat
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
@@ -43,7 +39,7 @@ from ssm_planner.sizing.motor_limits import (
 )
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
 from ssm_planner.sizing.thermal_network import THERMAL_DATA
-from ssm_planner.typing import JsonObject, Range, record
+from ssm_planner.typing import JsonObject, Range, frozen, record
 
 CONFIDENCE_CHECK = "confidence"
 """Name of the check that all limits are kept at once with the required confidence."""
@@ -90,6 +86,11 @@ class MotorVerdict:
         return self.load.joint
 
     @property
+    def all_checks(self) -> tuple[Check, ...]:
+        """Checks of the motor, followed by those of its gear."""
+        return self.checks + self.gear
+
+    @property
     def adequate(self) -> bool | None:
         """True if every check of the motor and of its gear passes, False if a check fails.
 
@@ -97,8 +98,10 @@ class MotorVerdict:
         or if a figure of the motor or its drive is a placeholder. The answer True has the
         confidence that `Conditions` states.
         """
-        is_stated = None if self.motor.placeholder or self.load.drive.placeholders else True
-        return combine_answers([is_stated, *(check.passed for check in (*self.checks, *self.gear))])
+        answers = [check.passed for check in self.all_checks]
+        if self.motor.placeholder or self.load.drive.placeholders:
+            answers.append(None)
+        return combine_answers(answers)
 
     @property
     def binds(self) -> str | None:
@@ -108,14 +111,14 @@ class MotorVerdict:
         result is "confidence" if each limit is kept on its own but not all of them at once with the
         required confidence, and None if no check has a margin.
         """
-        tightest = tightest_check(
-            check for check in (*self.checks, *self.gear) if check.name != CONFIDENCE_CHECK
-        )
         failed = [
             check.name for check in self.checks if check.margin is not None and not check.passed
         ]
         if failed == [CONFIDENCE_CHECK]:
             return CONFIDENCE_CHECK
+        tightest = tightest_check(
+            check for check in self.all_checks if check.name != CONFIDENCE_CHECK
+        )
         return None if tightest is None else tightest.name
 
     def to_dict(self) -> JsonObject:
@@ -125,17 +128,18 @@ class MotorVerdict:
         `checks` contain the checks of the motor and of its gear, and `not_checked` names the data
         that each undecided check needs.
         """
-        checks = (*self.checks, *self.gear)
+        margins = {check.name: check.margin for check in self.all_checks}
+        margins.pop(CONFIDENCE_CHECK, None)
         return {
             **get_attributes(self, ("joint", "adequate", "binds", "probability", "regions")),
             **get_attributes(self.motor, ("file", "placeholder")),
             "motor": self.motor.name,
-            "margins": {
-                check.name: check.margin for check in checks if check.name != CONFIDENCE_CHECK
+            "margins": margins,
+            "not_checked": {
+                check.name: check.needs for check in self.all_checks if check.passed is None
             },
-            "not_checked": {check.name: check.needs for check in checks if check.passed is None},
-            "checks": [check.to_dict() for check in checks],
-            "heat": None if self.heat is None else self.heat.to_dict(),
+            "checks": [check.to_dict() for check in self.all_checks],
+            "heat": self.heat and self.heat.to_dict(),
             "placeholders": list(self.motor.placeholders),
             "notes": list(self.notes),
         }
@@ -172,11 +176,12 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     )
     limits = motor_limits(motor, conditions, share, heat)
     checks = [
-        case.below(name, demand, limit, unit, needs=needs, factor=factor)
-        for name, (demand, factor, limit, unit, needs) in limits.items()
+        case.below(name, item.demand, item.limit, item.unit, needs=item.needs, factor=item.factor)
+        for name, item in limits.items()
     ]
     checks.insert(1, upper_limit_check("speed", load.peak_speed, motor.max_speed, "rad/s"))
     confidence = _confidence_check(case, limits)
+    checks.append(confidence)
     requirement = motor_requirement(load)
     notes = tuple(_assumption_notes(load, motor, conditions))
     if largest_friction > 0:
@@ -200,7 +205,7 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
         motor,
         requirement,
         case.band,
-        checks=(*checks, confidence),
+        checks=tuple(checks),
         gear=drive_checks(case),
         probability=confidence.worst,
         heat=heat,
@@ -284,10 +289,10 @@ def motor_friction(load: JointLoad, motor: Motor) -> Range:
     original = load.motor
     if load.shaft is not None:
         drive = load.drive
-        input_friction = required_friction(drive).b_c / math.prod(
-            stage.forwards for stage in drive.stages.values()
-        )
-        return (0.0, input_friction) if torque is None else (torque, torque)
+        if torque is not None:
+            return torque, torque
+        forwards = math.prod(stage.forwards for stage in drive.stages.values())
+        return 0.0, required_friction(drive).b_c / forwards
     if torque is None or _is_original_motor(original, motor):
         return 0.0, 0.0
     included = no_load_torque(original)
@@ -320,10 +325,11 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
     inertia = load.drive.input_inertia
     if _is_original_motor(original, motor):
         return inertia, inertia
-    old = (0.0, inertia) if original is None else rotor_range(original)
-    low, high = load.shaft or (max(inertia - old[1], 0.0), max(inertia - old[0], 0.0))
-    new = rotor_range(motor)
-    return low + new[0], high + new[1]
+    old_low, old_high = (0.0, inertia) if original is None else rotor_range(original)
+    without_rotor = max(inertia - old_high, 0.0), max(inertia - old_low, 0.0)
+    shaft_low, shaft_high = load.shaft or without_rotor
+    new_low, new_high = rotor_range(motor)
+    return shaft_low + new_low, shaft_high + new_high
 
 
 def _is_original_motor(original: Motor | None, motor: Motor) -> bool:
@@ -347,8 +353,19 @@ def _is_original_motor(original: Motor | None, motor: Motor) -> bool:
     return original is not None and (original.name, original.rotor_inertia) == identity
 
 
-DemandLimit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
-"""Demand, factor on it, upper limit (None if not known), unit, and names of missing data."""
+@frozen
+class DemandLimit:
+    """Upper limit of a multiple of a demand."""
+
+    demand: DemandName
+    factor: float
+    """Factor on the demand."""
+    limit: float | None
+    """The limit, or None if it is not known."""
+    unit: str
+    """SI unit of the limit."""
+    needs: tuple[str, ...]
+    """Names of the missing data."""
 
 
 def motor_limits(
@@ -372,21 +389,20 @@ def motor_limits(
     """
     torque, torque_needs = _peak_torque_limit(motor, conditions)
     continuous = continuous_torque(motor, conditions.ambient)
+    continuous_needs = ("max_winding_temperature",)
     voltage_needs = missing_data(motor, *ELECTRICAL_DATA)
     voltage = available_voltage(motor, conditions)
     if voltage is None:
-        voltage_needs = (*voltage_needs, "nominal_voltage or a supply voltage")
+        voltage_needs += ("nominal_voltage or a supply voltage",)
+    if voltage_needs:
+        voltage = None
+    heat_needs = missing_data(motor, *THERMAL_DATA)
+    capacity = None if heat is None else heat.capacity
     return {
-        "torque": ("peak_torque", 1.0, torque, "N·m", torque_needs),
-        "continuous_torque": ("rms_torque", share, continuous, "N·m", ("max_winding_temperature",)),
-        "voltage": ("peak_voltage", 1.0, None if voltage_needs else voltage, "V", voltage_needs),
-        "heat": (
-            "rms_torque",
-            share,
-            None if heat is None else heat.capacity,
-            "N·m",
-            missing_data(motor, *THERMAL_DATA),
-        ),
+        "torque": DemandLimit("peak_torque", 1.0, torque, "N·m", torque_needs),
+        "continuous_torque": DemandLimit("rms_torque", share, continuous, "N·m", continuous_needs),
+        "voltage": DemandLimit("peak_voltage", 1.0, voltage, "V", voltage_needs),
+        "heat": DemandLimit("rms_torque", share, capacity, "N·m", heat_needs),
     }
 
 
@@ -438,9 +454,10 @@ def _confidence_check(case: JointCase, limits: dict[str, DemandLimit]) -> Check:
         Its value `worst` is the probability that all limits are kept at once.
     """
     required = case.conditions.confidence
-    missing_names = dict.fromkeys(
-        name for _, _, limit, _, names in limits.values() if limit is None for name in names
-    )
+    missing_names: list[str] = []
+    for item in limits.values():
+        if item.limit is None:
+            missing_names += [name for name in item.needs if name not in missing_names]
     if not case.spread.is_stated:
         return open_check(
             CONFIDENCE_CHECK,
@@ -484,9 +501,9 @@ def _joint_probability(demands: Demands, limits: dict[str, DemandLimit]) -> floa
         Fraction from 0 to 1.
     """
     is_satisfied = [
-        factor * getattr(demands, name) <= limit * (1 + MARGIN_TOLERANCE)
-        for name, factor, limit, _, _ in limits.values()
-        if limit is not None
+        item.factor * getattr(demands, item.demand) <= item.limit * (1 + MARGIN_TOLERANCE)
+        for item in limits.values()
+        if item.limit is not None
     ]
     return float(np.mean(np.all(np.broadcast_arrays(*is_satisfied), axis=0)))
 

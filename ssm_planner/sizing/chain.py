@@ -9,6 +9,8 @@ while the motor drives the gearhead. While the load drives it, the friction is o
 
 from dataclasses import replace
 
+import numpy as np
+
 from ssm_planner.dynamics import required_friction
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading import CatalogueEntry
@@ -85,30 +87,42 @@ def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
             file=drive.file,
             key=load.joint,
         )
-    ratio, forwards = gearhead.ratio, gearhead.forwards
-    factors = {"b_c": forwards, "b_v": forwards / ratio}
-    factors |= dict.fromkeys(("stribeck_speed", "identified_speed"), ratio)
-    scaled: Keywords = {
-        name: factor * getattr(friction, name)
-        for name, factor in factors.items()
-        if getattr(friction, name) is not None
+    ratio = gearhead.ratio
+    forwards = gearhead.forwards
+    # Factors of the friction parameters. All other parameters have the factor 1.
+    factors = {
+        "b_c": forwards,
+        "b_v": forwards / ratio,
+        "stribeck_speed": ratio,
+        "identified_speed": ratio,
     }
+    scaled: Keywords = {}
+    for name, factor in factors.items():
+        value = getattr(friction, name)
+        if value is not None:
+            scaled[name] = factor * value
     posterior = friction.posterior and friction.posterior.scaled(factors, forwards)
-    covariance = friction.covariance and {
-        a: {b: factors.get(a, 1.0) * factors.get(b, 1.0) * value for b, value in row.items()}
-        for a, row in friction.covariance.items()
-    }
-    ranges = {
-        name: (factors.get(name, 1.0) * low, factors.get(name, 1.0) * high)
-        for name, (low, high) in drive.friction_ranges.items()
-    }
-    # The rotor of the original motor, whose inertia has the range `rotor`, leaves the former shaft.
+    covariance = None
+    if friction.covariance is not None:
+        covariance = {}
+        for name, row in friction.covariance.items():
+            row_factor = factors.get(name, 1.0)
+            covariance[name] = {
+                column: row_factor * factors.get(column, 1.0) * value
+                for column, value in row.items()
+            }
+    ranges = {}
+    for name, (low, high) in drive.friction_ranges.items():
+        factor = factors.get(name, 1.0)
+        ranges[name] = (factor * low, factor * high)
+    # The rotor of the original motor leaves the former shaft. Its inertia may have a range.
     inertia_with_rotor = drive.input_inertia
-    rotor = (0.0, inertia_with_rotor) if load.motor is None else rotor_range(load.motor)
-    low, high = (
-        (gearhead.inertia or 0.0) + forwards / ratio * max(inertia_with_rotor - end, 0.0)
-        for end in rotor[::-1]
-    )
+    rotor = (0.0, inertia_with_rotor)
+    if load.motor is not None:
+        rotor = rotor_range(load.motor)
+    remaining = inertia_with_rotor - np.array(rotor[::-1])
+    shaft = (gearhead.inertia or 0.0) + forwards / ratio * np.maximum(remaining, 0.0)
+    low, high = shaft.tolist()
     chain = replace(
         drive,
         ratio=ratio * drive.ratio,

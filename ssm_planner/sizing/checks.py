@@ -148,7 +148,8 @@ def relative_margin(demand: Array | float, limit: Array | float) -> Array:
         Margins. They are negative if the demand exceeds the limit.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(np.less_equal(limit, 0), -1.0, np.divide(np.subtract(limit, demand), limit))
+        margin = np.divide(np.subtract(limit, demand), limit)
+    return np.where(np.less_equal(limit, 0), -1.0, margin)
 
 
 @record
@@ -212,6 +213,7 @@ class JointCase:
         band = self.band
         confidence = self.conditions.confidence
         demand_high = factor * band.high(demand, confidence)
+        demand_low = factor * band.low(demand, confidence)
         nominal = factor * band.nominal_value(demand)
         if math.isinf(limit):
             return Check(name, 1.0, worst=demand_high, unit=unit, nominal=nominal, probability=1.0)
@@ -224,7 +226,7 @@ class JointCase:
             unit=unit,
             nominal=nominal,
             probability=float(np.mean(samples <= limit)) if band.known else None,
-            best_margin=float(relative_margin(factor * band.low(demand, confidence), limit)),
+            best_margin=float(relative_margin(demand_low, limit)),
         )
         if check.passed is not None:
             return check
@@ -281,7 +283,8 @@ class JointCase:
         confidence = self.conditions.confidence
         posterior = self.spread.posterior
         middle = float(np.median(values))
-        end = float(np.quantile(values, confidence if middle <= limit else 1 - confidence))
+        level = confidence if middle <= limit else 1 - confidence
+        end = float(np.quantile(values, level))
         if (end - limit) * (middle - limit) > 0:
             return "more recordings of the ripple under this load"
         share = (limit - middle) / (end - middle)
@@ -438,15 +441,12 @@ def gear_checks(case: JointCase) -> tuple[Check, ...]:
     )
     speed = load.peak_speed / drive.stage_ratio
     checks = [
-        upper_limit_check("gear_speed", speed, ratings.input_speed, "rad/s", "ratings.input_speed"),
-        *(
-            case.below(
-                f"gear_{key}", demand, getattr(ratings, key), unit, needs=(f"ratings.{key}",)
-            )
-            for demand, key in outputs
-        ),
-        upper_limit_check("gear_duty", share, ratings.duty, "", "ratings.duty"),
+        upper_limit_check("gear_speed", speed, ratings.input_speed, "rad/s", "ratings.input_speed")
     ]
+    for demand, key in outputs:
+        limit = getattr(ratings, key)
+        checks.append(case.below(f"gear_{key}", demand, limit, unit, needs=(f"ratings.{key}",)))
+    checks.append(upper_limit_check("gear_duty", share, ratings.duty, "", "ratings.duty"))
     if drive.self_locking:
         checks.append(_self_locking_check(case))
     if drive.transmission.rotating_screw:
@@ -470,8 +470,10 @@ def drive_checks(case: JointCase, drive: Drive | None = None) -> tuple[Check, ..
         Checks of the gear or screw, followed by those of the gear stages.
     """
     drive = drive or case.load.drive
-    stages = stage_checks(case.shaft, drive) if drive.stages else ()
-    return (*gear_checks(case), *stages)
+    checks = gear_checks(case)
+    if drive.stages:
+        checks += tuple(stage_checks(case.shaft, drive))
+    return checks
 
 
 def stage_checks(case: JointCase, drive: Drive) -> Iterator[Check]:

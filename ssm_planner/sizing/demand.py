@@ -92,7 +92,7 @@ class Demands:
         Demands
             The demands, (draws,) each.
         """
-        return cls(*(table[:, i] for i in range(len(DEMAND_NAMES))))
+        return cls(*table.T)
 
     of = Renamed("from_table")
 
@@ -198,14 +198,13 @@ def compute_demands(load: JointLoad) -> Demands:
     effort = np.atleast_2d(np.abs(load.effort()))
     in_motion = load.weight * (load.direction != 0)
     share = max(float(in_motion.sum()), 1e-300)
+    mean_cube = (effort * effort * effort) @ in_motion / share
     return Demands(
         peak_torque=np.maximum(torque.max(axis=1), -torque.min(axis=1)),
         rms_torque=load.rms(torque),
         peak_voltage=_peak_voltage(torque, load),
         peak_effort=np.broadcast_to(effort.max(axis=1), (len(torque),)),
-        continuous_effort=np.broadcast_to(
-            np.cbrt((effort * effort * effort) @ in_motion / share), (len(torque),)
-        ),
+        continuous_effort=np.broadcast_to(np.cbrt(mean_cube), (len(torque),)),
     )
 
 
@@ -261,9 +260,8 @@ def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
     shifts = spread.deviations(LINEARISED_DRAWS) @ _secant_slopes(load, spread)
     highest = np.maximum(corners.max(axis=0) + shifts, 0.0)
     lowest = corners.min(axis=0) + shifts
-    return Band(
-        nominal, Demands.from_table(highest), _lower_bound(lowest, load, spread), spread.is_stated
-    )
+    worst = Demands.from_table(highest)
+    return Band(nominal, worst, _lower_bound(lowest, load, spread), spread.is_stated)
 
 
 def _load_with(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
@@ -300,9 +298,8 @@ def _corner_demands(load: JointLoad, spread: FrictionSpread) -> Array:
         One row for each combination in the order of `FrictionSpread.corners`, and one column for
         each demand in the order of `DEMAND_NAMES`.
     """
-    return np.concatenate(
-        [compute_demands(_load_with(load, corner)).array() for corner in spread.corners()]
-    )
+    tables = [compute_demands(_load_with(load, corner)).array() for corner in spread.corners()]
+    return np.concatenate(tables)
 
 
 def _lower_bound(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
@@ -357,17 +354,14 @@ def _secant_slopes(load: JointLoad, spread: FrictionSpread) -> Array:
         Slopes in the order of `spread.names` and `DEMAND_NAMES`.
     """
     slopes = np.zeros((len(spread.names), len(DEMAND_NAMES)))
-    for i, (name, mean, sigma) in enumerate(
-        zip(spread.names, spread.mean, spread.sigma, strict=True)
-    ):
-        if sigma == 0:
+    for i, name in enumerate(spread.names):
+        if spread.sigma[i] == 0:
             continue
-        low = max(mean - sigma, 0.0)
-        values_above, values_below = (
-            compute_demands(_load_with(load, {name: value})).array()[0]
-            for value in (mean + sigma, low)
-        )
-        slopes[i] = (values_above - values_below) / (mean + sigma - low)
+        high = spread.mean[i] + spread.sigma[i]
+        low = max(spread.mean[i] - spread.sigma[i], 0.0)
+        demands_above = compute_demands(_load_with(load, {name: high})).array()[0]
+        demands_below = compute_demands(_load_with(load, {name: low})).array()[0]
+        slopes[i] = (demands_above - demands_below) / (high - low)
     return slopes
 
 
@@ -409,10 +403,9 @@ def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
     high = reduce(np.maximum, (tables[i] for i in highest_corners))
     low = reduce(np.minimum, (tables[i] for i in lowest_corners))
     smooth = Demands.from_table(high)
-    ripple = _with_ripple(smooth, load)
-    return Band(
-        nominal, ripple, _lower_bound(low, load, spread), True, None if ripple is smooth else smooth
-    )
+    worst = _with_ripple(smooth, load)
+    best = _lower_bound(low, load, spread)
+    return Band(nominal, worst, best, True, smooth=None if worst is smooth else smooth)
 
 
 def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
@@ -439,7 +432,8 @@ def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
         return smooth
     torque = load.torque()
     # The ripple is that of the direction with the largest torque.
-    ripple = posterior.ripple(1 if torque[np.argmax(np.abs(torque))] >= 0 else -1)
+    largest = torque[np.argmax(np.abs(torque))]
+    ripple = posterior.ripple(1 if largest >= 0 else -1)
     if ripple is None:
         return smooth
     peak = ripple.draw_peak(np.random.default_rng(RANDOM_SEED), len(smooth.peak_torque))
@@ -480,7 +474,7 @@ def _drawn_demands(
     tables = []
     for start in range(0, len(deviations), step):
         block = {name: value[start : start + step, None] for name, value in values.items()}
-        tables.append(compute_demands(_load_with(subset, {**block, **corner})).array())
+        tables.append(compute_demands(_load_with(subset, block | corner)).array())
     table = np.concatenate(tables)
     if torque_free:
         k = DEMAND_NAMES.index("peak_effort")
@@ -513,11 +507,7 @@ def select_instants(load: JointLoad) -> JointLoad:
     peaks = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
     peaks = peaks[np.argsort(size[peaks])[-20:]]
     evenly_spaced = np.arange(0, len(torque), max(len(torque) // MONTE_CARLO_INSTANTS, 1))
-    extremes = np.array(
-        [np.argmax(np.abs(values)) for values in (torque, load.effort(), load.qd)]
-        + [len(torque) - 1]
-    )
-    keep = np.unique(
-        np.concatenate([evenly_spaced, jump, jump + 1, turn, turn + 1, peaks, extremes])
-    )
-    return load.subset(keep)
+    extremes = [int(np.argmax(np.abs(values))) for values in (torque, load.effort(), load.qd)]
+    extremes.append(len(torque) - 1)
+    selected = [evenly_spaced, jump, jump + 1, turn, turn + 1, peaks, np.array(extremes)]
+    return load.subset(np.unique(np.concatenate(selected)))

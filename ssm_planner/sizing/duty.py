@@ -53,7 +53,8 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
         piece[:3, joint] = position, velocity, value / 2
         position += velocity * time + value * time**2 / 2
         velocity += value * time
-    middle, end = breaks[len(forth)], breaks[-1]
+    middle = breaks[len(forth)]
+    end = breaks[-1]
     phases = (Span("forth", 0.0, float(middle)), Span("back", float(middle), float(end)))
     return Trajectory(breaks, coefficients, phases)
 

@@ -262,13 +262,11 @@ class JointLoad:
             Load with interpolated efforts. Its other fields are those of this load.
         """
         names = ("inertia", "velocity", "gravity")
-        return replace(
-            self,
-            **{
-                name: getattr(self, name) + share * (getattr(target, name) - getattr(self, name))
-                for name in names
-            },
-        )
+        efforts: Keywords = {}
+        for name in names:
+            start = getattr(self, name)
+            efforts[name] = start + share * (getattr(target, name) - start)
+        return replace(self, **efforts)
 
     def subset(self, keep: Indices) -> "JointLoad":
         """Return the load at some of its instants, with new weights.
@@ -284,7 +282,8 @@ class JointLoad:
             Load at m instants.
         """
         columns = self._columns(keep)
-        return replace(self, **columns | {"weight": _trapezoidal_weights(columns["t"])})
+        columns["weight"] = _trapezoidal_weights(columns["t"])
+        return replace(self, **columns)
 
     def _columns(self, rows: slice | Indices) -> Keywords:
         """Return the arrays of some instants by the name of the field.
@@ -344,8 +343,11 @@ def joint_loads(
         for column, value in zip(columns.values(), values, strict=True):
             column[:, block] = value.T[driven]
     weight = _trapezoidal_weights(t)
-    return tuple(
-        JointLoad(
+    loads = []
+    for k, i in enumerate(driven):
+        joint = robot.joints[i]
+        assert joint.drive is not None
+        load = JointLoad(
             joint=joint.name,
             drive=joint.drive,
             motor=joint.motor,
@@ -355,9 +357,8 @@ def joint_loads(
             weight=weight,
             duration=trajectory.duration,
         )
-        for k, joint in enumerate(robot.joints[i] for i in driven)
-        if joint.drive is not None
-    )
+        loads.append(load)
+    return tuple(loads)
 
 
 def _sampling_instants(
@@ -453,13 +454,11 @@ def _split_at_reversals(
     qd = trajectory.sample_pieces(index, local).qd
     sign = np.where(np.abs(qd) > REST_FRACTION * robot.velocities, np.sign(qd), 0.0)
     # Index of the last instant, before each one, at which the joint moved.
-    last_moving = np.maximum.accumulate(
-        np.where(sign != 0, np.arange(len(sign))[:, None], 0), axis=0
-    )[:-1]
-    joints = np.arange(sign.shape[1])
-    turns, joint = np.nonzero(
-        (index[last_moving] == index[1:, None]) & (sign[last_moving, joints] * sign[1:] < 0)
-    )
+    moving_index = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
+    last_moving = np.maximum.accumulate(moving_index, axis=0)[:-1]
+    in_same_piece = index[last_moving] == index[1:, None]
+    reverses = sign[last_moving, np.arange(sign.shape[1])] * sign[1:] < 0
+    turns, joint = np.nonzero(in_same_piece & reverses)
     before_turn = last_moving[turns, joint]
     cuts = _reversal_times(
         trajectory, index[before_turn], local[before_turn], local[turns + 1], joint
@@ -470,7 +469,8 @@ def _split_at_reversals(
     pieces = pieces[order]
     starts = starts[order]
     is_final = np.append(np.diff(pieces), 1) > 0
-    return pieces, starts, np.where(is_final, all_lengths[pieces], np.append(starts[1:], 0.0))
+    ends = np.where(is_final, all_lengths[pieces], np.append(starts[1:], 0.0))
+    return pieces, starts, ends
 
 
 def _reversal_times(
@@ -494,18 +494,19 @@ def _reversal_times(
     (n,) array
         Times of the reversals since the start of the piece, s.
     """
-    coefficients = trajectory.pieces(index)[np.arange(len(index)), 1:, joint] * np.arange(
-        1, DEGREE + 1
-    )
-
+    powers = trajectory.pieces(index)[np.arange(len(index)), 1:, joint]
     # The velocity is Σ k a_k t^(k − 1).
+    coefficients = powers * np.arange(1, DEGREE + 1)
+
     def direction(t: Array) -> Array:
         """Return the direction (n,) of each joint at the times t (n,)."""
         return np.sign(polyval(t, coefficients.T, tensor=False))
 
+    if not len(index):
+        return high
     sign = direction(low)
     # After 60 bisections, the interval is below the resolution of the times.
-    for _ in range(60 if len(index) else 0):
+    for _ in range(60):
         middle = (low + high) / 2
         unturned = direction(middle) == sign
         low = np.where(unturned, middle, low)

@@ -134,11 +134,9 @@ def rotor_range(motor: Motor) -> Range:
         Inertias, kg·m².
     """
     inertia = motor.rotor_inertia
-    return (
-        (0.0, motor.nominal_torque / SMALLEST_STARTING_ACCELERATION)
-        if inertia is None
-        else (inertia, inertia)
-    )
+    if inertia is None:
+        return 0.0, motor.nominal_torque / SMALLEST_STARTING_ACCELERATION
+    return inertia, inertia
 
 
 def no_load_torque(motor: Motor | None) -> float | None:
@@ -187,9 +185,8 @@ def resistance(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> floa
     ProblemError
         If the motor file does not state the resistance.
     """
-    return require_value(motor, "terminal_resistance") * (
-        1 + COPPER_COEFFICIENT * (temperature - REFERENCE_TEMPERATURE)
-    )
+    growth = COPPER_COEFFICIENT * (temperature - REFERENCE_TEMPERATURE)
+    return require_value(motor, "terminal_resistance") * (1 + growth)
 
 
 def torque_constant(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
@@ -212,9 +209,8 @@ def torque_constant(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) ->
     ProblemError
         If the motor file does not state the torque constant.
     """
-    return require_value(motor, "torque_constant") * (
-        1 + magnet_coefficient(motor) * (temperature - REFERENCE_TEMPERATURE)
-    )
+    growth = magnet_coefficient(motor) * (temperature - REFERENCE_TEMPERATURE)
+    return require_value(motor, "torque_constant") * (1 + growth)
 
 
 def magnet_coefficient(motor: Motor) -> float:
@@ -230,11 +226,8 @@ def magnet_coefficient(motor: Motor) -> float:
     float
         Coefficient, 1/K. It is `MAGNET_COEFFICIENT` if the motor file does not state it.
     """
-    return (
-        MAGNET_COEFFICIENT
-        if motor.torque_constant_per_kelvin is None
-        else motor.torque_constant_per_kelvin
-    )
+    coefficient = motor.torque_constant_per_kelvin
+    return MAGNET_COEFFICIENT if coefficient is None else coefficient
 
 
 def available_torque(
@@ -297,10 +290,9 @@ def continuous_torque(motor: Motor, ambient: float) -> float | None:
         return motor.nominal_torque
     if motor.max_winding_temperature is None:
         return None
-    permitted_rise = motor.max_winding_temperature - ambient
-    return motor.nominal_torque * math.sqrt(
-        max(permitted_rise, 0.0) / (motor.max_winding_temperature - REFERENCE_TEMPERATURE)
-    )
+    permitted_rise = max(motor.max_winding_temperature - ambient, 0.0)
+    reference_rise = motor.max_winding_temperature - REFERENCE_TEMPERATURE
+    return motor.nominal_torque * math.sqrt(permitted_rise / reference_rise)
 
 
 def operating_region_shares(
@@ -327,16 +319,12 @@ def operating_region_shares(
         Fractions by region. None if the continuous torque or the speed–torque line is unknown.
     """
     steady = continuous_torque(motor, conditions.ambient)
-    if (
-        steady is None
-        or missing_data(motor, *ELECTRICAL_DATA)
-        or available_voltage(motor, conditions) is None
-    ):
+    has_voltage = available_voltage(motor, conditions) is not None
+    if steady is None or missing_data(motor, *ELECTRICAL_DATA) or not has_voltage:
         return None
     size = np.abs(torque)
-    within = size <= available_torque(
-        motor, conditions, np.abs(speed), motor.max_winding_temperature
-    )
+    available = available_torque(motor, conditions, np.abs(speed), motor.max_winding_temperature)
+    within = size <= available
     return {
         "continuous": float(weight @ (within & (size <= steady))),
         "short_term": float(weight @ (within & (size > steady))),
@@ -364,11 +352,11 @@ def voltage_factors(motor: Motor | None) -> Array:
     """
     if motor is None or missing_data(motor, *ELECTRICAL_DATA):
         return np.full((2, 2), np.nan)
-    hottest = require_value(motor, "max_winding_temperature")
-    constants = [
-        (resistance(motor, t), torque_constant(motor, t)) for t in (REFERENCE_TEMPERATURE, hottest)
-    ]
-    return np.array([(ohm / k, k) for ohm, k in constants])
+    factors = []
+    for temperature in (REFERENCE_TEMPERATURE, require_value(motor, "max_winding_temperature")):
+        constant = torque_constant(motor, temperature)
+        factors.append((resistance(motor, temperature) / constant, constant))
+    return np.array(factors)
 
 
 def available_voltage(motor: Motor, conditions: Conditions) -> float | None:

@@ -177,8 +177,7 @@ def motor_requirement(load: JointLoad) -> MotorRequirement:
         Peak, mean and RMS values over the motion without pause.
     """
     torque = load.torque()
-    speed = load.speed()
-    power = torque * speed
+    power = torque * load.speed()
     rms = float(load.rms(torque))
     joule = joule_power(load.motor, rms)
     return MotorRequirement(
@@ -354,26 +353,16 @@ def _stacked_components(load: JointLoad) -> Array:
     output_inertia = _lossless_mesh_torque(lossless, carried, sign)
     load_torque = _lossless_mesh_torque(lossless, load.velocity + load.gravity, sign)
     motor_friction = load.motor_friction[1] * load.direction
-    bearing = motor_friction + np.where(
-        moving, motor_torque(drive_with_bearings, friction_effort, w, zero, direction=sign), 0.0
-    )
+    bearing_torque = motor_torque(drive_with_bearings, friction_effort, w, zero, direction=sign)
+    bearing_friction = motor_friction + np.where(moving, bearing_torque, 0.0)
     total = load.torque()
     effort = load.effort()
-    torque_without_mesh_friction = motor_friction + np.where(
-        moving,
-        motor_torque(drive_with_bearings, effort, w, wd, direction=sign),
-        _lossless_mesh_torque(lossless, effort, sign),
-    )
-    return np.stack(
-        [
-            input_inertia,
-            output_inertia,
-            load_torque,
-            total - torque_without_mesh_friction,
-            bearing,
-            total,
-        ]
-    )
+    torque_in_motion = motor_torque(drive_with_bearings, effort, w, wd, direction=sign)
+    torque_at_rest = _lossless_mesh_torque(lossless, effort, sign)
+    without_mesh_friction = motor_friction + np.where(moving, torque_in_motion, torque_at_rest)
+    mesh_friction = total - without_mesh_friction
+    components = [input_inertia, output_inertia, load_torque, mesh_friction, bearing_friction]
+    return np.stack(components + [total])
 
 
 def _lossless_mesh_torque(lossless: Drive, effort: Array, direction: Array) -> Array:

@@ -91,7 +91,7 @@ class JointSelection:
     """
     margins: Mapping[str, Array]
     """Margins (gears, motors) by name of the check. NaN if data are missing."""
-    of_gear: Sequence[tuple[Check, ...]]
+    gear_checks: Sequence[tuple[Check, ...]]
     """Checks of each gear, which do not depend on the motor."""
     load_inertia: float
     """Largest inertia of the moved bodies about the joint's axis, kg·m² or kg."""
@@ -104,14 +104,16 @@ class JointSelection:
         adequate (−1) if a check fails. Otherwise, or if a figure of a part is a placeholder, the
         answer is 0.
         """
-        gear = [
-            min(not chain.placeholder, *(ANSWER_CODES[check.passed] for check in checks))
-            for chain, checks in zip(self.gears, self.of_gear, strict=True)
-        ]
-        return np.minimum(self._of_motors, np.array(gear, np.int8)[:, None])
+        gear_answers = []
+        for chain, checks in zip(self.gears, self.gear_checks, strict=True):
+            answers = [ANSWER_CODES[check.passed] for check in checks]
+            # With a placeholder figure, the answer is at most 0.
+            answers.append(0 if chain.placeholder else 1)
+            gear_answers.append(min(answers))
+        return np.minimum(self._motor_answers, np.array(gear_answers, np.int8)[:, None])
 
     @property
-    def _of_motors(self) -> Answers:
+    def _motor_answers(self) -> Answers:
         """Answers (gears, motors) of the checks of the motors alone, without those of the gears.
 
         The answer is at most 0 (not known) for a motor with placeholder figures.
@@ -135,8 +137,11 @@ class JointSelection:
         list of str
             Names of the checks of the motor, then of the gear.
         """
-        motor = [name for name, answers in self.answers.items() if answers[g, m] == answer]
-        return motor + [c.name for c in self.of_gear[g] if ANSWER_CODES[c.passed] == answer]
+        names = [name for name, answers in self.answers.items() if answers[g, m] == answer]
+        for check in self.gear_checks[g]:
+            if ANSWER_CODES[check.passed] == answer:
+                names.append(check.name)
+        return names
 
     def ranked(self, by: Rank = "mass") -> list[tuple[int, int]]:
         """Sort the pairs that no check rules out, the best first.
@@ -161,21 +166,16 @@ class JointSelection:
         """
         # The answers are 1 (passed), 0 (not known) and −1 (failed).
         adequate = self.adequate
-        motor_answers = self._of_motors
-        key = self._key(by)
+        motor_answers = self._motor_answers
+        values = self._rank_values(by)
         nominal = [candidate.of.nominal_torque for candidate in self.motors]
-        return sorted(
-            ((int(g), int(m)) for g, m in np.argwhere(adequate >= 0)),
-            key=lambda pair: (
-                -adequate[pair],
-                -motor_answers[pair],
-                key[pair],
-                nominal[pair[1]],
-                pair,
-            ),
-        )
+        rows = []
+        for g, m in np.argwhere(adequate >= 0).tolist():
+            row = -adequate[g, m], -motor_answers[g, m], values[g, m], nominal[m], g, m
+            rows.append(row)
+        return [(g, m) for *_, g, m in sorted(rows)]
 
-    def _key(self, by: Rank) -> Array:
+    def _rank_values(self, by: Rank) -> Array:
         """Compute the numbers by which `ranked` sorts the pairs in ascending order.
 
         The number is infinite if a part of the pair does not state the quantity. If no gear states
@@ -198,12 +198,10 @@ class JointSelection:
         if by == "torque":
             nominal = np.array([part.of.nominal_torque for part in self.motors])
             return np.tile(nominal, (len(self.gears), 1))
-        gears = (chain.gear for chain in self.gears)
-        gearheads = (chain.gearhead for chain in self.gears)
-        gear, motor, gearhead = (
-            np.array([0.0 if part is None else getattr(part, by) for part in parts], dtype=float)
-            for parts in (gears, self.motors, gearheads)
-        )
+        gear = np.array([getattr(chain.gear, by) for chain in self.gears], dtype=float)
+        motor = np.array([getattr(part, by) for part in self.motors], dtype=float)
+        # A chain without a gearhead has the default 0.
+        gearhead = np.array([getattr(chain.gearhead, by, 0.0) for chain in self.gears], dtype=float)
         if np.isnan(gear).all():
             gear = np.zeros(len(gear))
         return np.nan_to_num(np.add.outer(gear + gearhead, motor), nan=np.inf)
@@ -234,9 +232,11 @@ class JointSelection:
             Number of pairs by name of the check, the largest number first. Checks that rule out no
             pair are missing.
         """
-        failed = (name for row in self._table(-1) for names in row for name in names)
-        counts = Counter(failed).items()
-        return dict(sorted(counts, key=lambda item: (-item[1], item[0])))
+        counts: Counter[str] = Counter()
+        for row in self._checks_of_pairs(-1):
+            for names in row:
+                counts.update(names)
+        return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
     def inertia_ratio(self, g: int, m: int) -> float | None:
         """Compute the inertia of load and gear at the motor shaft, divided by that of the rotor.
@@ -261,10 +261,10 @@ class JointSelection:
             return None
         load = self.gears[g].load(self.load)
         drive = load.drive
-        shaft = shaft_inertia(load, motor)[1] - motor.rotor_inertia
-        return (
-            shaft + (self.load_inertia + drive.output_inertia) / drive.ratio**2
-        ) / motor.rotor_inertia
+        _, largest_inertia = shaft_inertia(load, motor)
+        shaft = largest_inertia - motor.rotor_inertia
+        output = (self.load_inertia + drive.output_inertia) / drive.ratio**2
+        return (shaft + output) / motor.rotor_inertia
 
     def to_dict(self, rank: Rank, count: int) -> JsonObject:
         """Return the assessment as a dict, in SI units.
@@ -283,21 +283,20 @@ class JointSelection:
         dict
             Labels of motors and gears, answers, reasons, and the best pairs.
         """
-        adequate = self.adequate
-        as_json = {1: True, 0: None, -1: False}
+        as_json = {code: answer for answer, code in ANSWER_CODES.items()}
         return {
             "joint": self.load.joint,
             "motors": [candidate.label for candidate in self.motors],
             "gears": [candidate.label for candidate in self.gears],
-            "adequate": [[as_json[int(answer)] for answer in row] for row in adequate],
-            "ruled_out_by": self._table(-1),
-            "open": self._table(0),
+            "adequate": [[as_json[code] for code in row] for row in self.adequate.tolist()],
+            "ruled_out_by": self._checks_of_pairs(-1),
+            "open": self._checks_of_pairs(0),
             "reasons": self.reasons(),
             "rank": rank,
             "best": [self.pair_dict(g, m) for g, m in self.ranked(rank)[:count]],
         }
 
-    def _table(self, answer: int) -> list[list[list[str]]]:
+    def _checks_of_pairs(self, answer: int) -> list[list[list[str]]]:
         """List the names of the checks that make each pair fail or leave it undecided.
 
         Parameters
@@ -311,14 +310,13 @@ class JointSelection:
             Names of the checks with this answer, indexed by gear and motor. The list of a pair that
             has another answer is empty.
         """
-        adequate = self.adequate
-        return [
-            [
-                self.checks_with(answer, g, m) if adequate[g, m] == answer else []
-                for m in range(len(self.motors))
-            ]
-            for g in range(len(self.gears))
-        ]
+        table: list[list[list[str]]] = []
+        for g, row in enumerate(self.adequate):
+            table.append([])
+            for m, pair_answer in enumerate(row):
+                names = self.checks_with(answer, g, m) if pair_answer == answer else []
+                table[-1].append(names)
+        return table
 
     def pair_dict(self, g: int, m: int) -> JsonObject:
         """Describe one pair in full as a dict.
@@ -347,10 +345,10 @@ class JointSelection:
             **verdict.to_dict(),
             "motor": motor.label,
             "gear": chain.label,
-            "gearhead": None if gearhead is None else gearhead.label,
+            "gearhead": gearhead and gearhead.label,
             "mass": motor.mass,
             "gear_mass": chain.gear.mass,
-            "gearhead_mass": None if gearhead is None else gearhead.mass,
+            "gearhead_mass": gearhead and gearhead.mass,
             "length": motor.length,
             "inertia_ratio": self.inertia_ratio(g, m),
             "energy_to_bus": energy_to_bus(verdict.load, motor.of),
@@ -422,14 +420,13 @@ def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
         Largest inertia by joint, kg·m², or kg for the sliding joint.
     """
     body = RigidBody.from_robot(with_payload(duty.robot, payload))
-    q = np.concatenate(
-        [
-            motion.sample(np.linspace(0, motion.duration, INERTIA_INSTANTS)).q
-            for motion, _ in duty.runs
-        ]
-    )
-    diagonal = np.max([np.diag(matrix) for matrix in body.mass_matrix(q)], axis=0)
-    return dict(zip((joint.name for joint in duty.robot.joints), map(float, diagonal), strict=True))
+    positions = []
+    for motion, _ in duty.runs:
+        times = np.linspace(0, motion.duration, INERTIA_INSTANTS)
+        positions.append(motion.sample(times).q)
+    inertias = np.diagonal(body.mass_matrix(np.concatenate(positions)), axis1=1, axis2=2)
+    names = [joint.name for joint in duty.robot.joints]
+    return dict(zip(names, inertias.max(axis=0).tolist(), strict=True))
 
 
 def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
@@ -486,24 +483,26 @@ def select_joint(
     JointSelection
         Answers and margins of all pairs. Each gear is followed by its combinations with gearheads.
     """
-    motor_data = _MotorData(
-        [candidate.of for candidate in motors], conditions, load.duration + conditions.pause
-    )
+    period = load.duration + conditions.pause
+    motor_data = _MotorData([candidate.of for candidate in motors], conditions, period)
     chains: list[DriveChain] = []
-    rows: list[GearAssessment] = []
+    assessments: list[GearAssessment] = []
     for gear in gears:
-        group = [DriveChain(gear, gearhead) for gearhead in (None, *gearheads)]
+        group = [DriveChain(gear)] + [DriveChain(gear, gearhead) for gearhead in gearheads]
         chains += group
-        rows += _assess_gear([chain.load(load) for chain in group], motor_data, conditions)
-    answers, margins, of_gear = zip(*rows, strict=True)
+        assessments += _assess_gear([chain.load(load) for chain in group], motor_data, conditions)
+    answers = {
+        name: np.stack([row[name] for row, _, _ in assessments]) for name in assessments[0][0]
+    }
+    margins = {name: np.stack([row[name] for _, row, _ in assessments]) for name in MARGIN_CHECKS}
     return JointSelection(
         load,
         conditions,
         motors,
         chains,
-        {name: np.stack([answer[name] for answer in answers]) for name in answers[0]},
-        margins={name: np.stack([margin[name] for margin in margins]) for name in MARGIN_CHECKS},
-        of_gear=of_gear,
+        answers,
+        margins=margins,
+        gear_checks=[checks for _, _, checks in assessments],
         load_inertia=inertia,
     )
 
@@ -540,9 +539,8 @@ class _MotorData:
         self.limits = [motor_limits(motor, conditions, 1.0, None) for motor in motors]
         self.max_speed = np.array([motor.max_speed for motor in motors])
         self.balance = np.array([voltage_factors(motor) for motor in motors])
-        self.cool, self.hot = np.array(
-            [_certain_torques(motor, conditions, period) for motor in motors]
-        ).T
+        torques = np.array([_certain_torques(motor, conditions, period) for motor in motors])
+        self.cool, self.hot = torques.T
 
     def limit(self, name: str) -> Array:
         """Return the upper limits of one check for all motors.
@@ -557,8 +555,8 @@ class _MotorData:
         (m,) array
             Limits in the SI unit of the check. NaN if not known.
         """
-        bounds = (limits[name][2] for limits in self.limits)
-        return np.array([np.nan if limit is None else limit for limit in bounds])
+        # None becomes NaN.
+        return np.array([limits[name].limit for limits in self.limits], dtype=float)
 
 
 def _certain_torques(motor: Motor, conditions: Conditions, period: float) -> tuple[float, float]:
@@ -614,17 +612,15 @@ def _certain_torques(motor: Motor, conditions: Conditions, period: float) -> tup
     # Temperature rises of the winding at its coldest instant. At the largest one, the mean
     # temperature is at the limit, so the peak exceeds it. Each rise needs a certain mean squared
     # torque. Above the largest of these values, the winding becomes too hot.
-    rise = (
-        (allowed + TEMPERATURE_MARGIN)
-        * lowest
-        / float(shares.sum())
-        * np.linspace(0.01, 1.0, RUNAWAY_TEMPERATURES)
-    )
+    largest_rise = (allowed + TEMPERATURE_MARGIN) * lowest / float(shares.sum())
+    rise = largest_rise * np.linspace(0.01, 1.0, RUNAWAY_TEMPERATURES)
     # The torque is 1 N·m, so the power is that per squared torque. The factor 1.001 covers the
     # distance between two of the temperatures.
     unit = np.ones(RUNAWAY_TEMPERATURES)
-    passes = (allowed - TEMPERATURE_MARGIN) / (highest * model.power(unit, limit * unit)[0][0])
-    fails = 1.001 * np.max(rise / (lowest * model.power(unit, model.ambient + rise)[0]))
+    power_at_limit, _ = model.power(unit, limit * unit)
+    power_at_rise, _ = model.power(unit, model.ambient + rise)
+    passes = (allowed - TEMPERATURE_MARGIN) / (highest * power_at_limit[0])
+    fails = 1.001 * np.max(rise / (lowest * power_at_rise))
     return float(np.sqrt(passes)), float(np.sqrt(fails))
 
 
@@ -668,25 +664,24 @@ def _assess_gear(
         yield _assess_by_draws(load, motor_data, conditions, drive_checks(case))
         return
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
-    limited = {"torque": 1.0, "continuous_torque": share, "voltage": 1.0}
-    for geared, (highest, lowest) in zip(
-        chains, _demand_ranges(chains, case, motor_data), strict=True
-    ):
+    # Checks of the three demands, and factors from the motion to the motion with its pause
+    factors = {"torque": 1.0, "continuous_torque": share, "voltage": 1.0}
+    demand_ranges = _demand_ranges(chains, case, motor_data)
+    for geared, (highest, lowest) in zip(chains, demand_ranges, strict=True):
         checks = drive_checks(case, geared.drive)
-        speed = relative_margin(geared.peak_speed, motor_data.max_speed)
-        answers = {"speed": _answers_from_margins(speed, speed)}
-        margins = {"speed": speed}
-        for (name, factor), high, low in zip(limited.items(), highest, lowest, strict=True):
+        speed_margin = relative_margin(geared.peak_speed, motor_data.max_speed)
+        answers = {"speed": _answers_from_margins(speed_margin, speed_margin)}
+        margins = {"speed": speed_margin}
+        for row, (name, factor) in enumerate(factors.items()):
             limit = motor_data.limit(name)
-            margins[name] = relative_margin(factor * high, limit)
-            answers[name] = _answers_from_margins(
-                margins[name], relative_margin(factor * low, limit)
-            )
+            margins[name] = relative_margin(factor * highest[row], limit)
+            best_margin = relative_margin(factor * lowest[row], limit)
+            answers[name] = _answers_from_margins(margins[name], best_margin)
         fails = np.min(list(answers.values()), axis=0) < 0
         fails |= any(check.passed is False for check in checks)
         band = (share * highest[1], share * lowest[1])
         answers["heat"] = _heat_answers(geared, motor_data, conditions, band=band, fails=fails)
-        combined = np.min([answers[name] for name in (*limited, "heat")], axis=0)
+        combined = np.min([answers[name] for name in answers if name != "speed"], axis=0)
         answers[CONFIDENCE_CHECK] = combined if case.spread.is_stated else 0 * combined
         yield answers, margins, checks
 
@@ -712,13 +707,15 @@ def _assess_by_draws(
     GearAssessment
         Answers and margins of all motors, and the checks of the gear.
     """
-    checks = [assess(load, motor, conditions).checks for motor in motor_data.motors]
-    answers, margins = {}, {}
-    for of_motors in zip(*checks, strict=True):
-        name = of_motors[0].name
-        answers[name] = np.array([ANSWER_CODES[check.passed] for check in of_motors], np.int8)
+    checks_of_motors = [assess(load, motor, conditions).checks for motor in motor_data.motors]
+    answers = {}
+    margins = {}
+    for k, first_check in enumerate(checks_of_motors[0]):
+        name = first_check.name
+        checks = [motor_checks[k] for motor_checks in checks_of_motors]
+        answers[name] = np.array([ANSWER_CODES[check.passed] for check in checks], np.int8)
         if name in MARGIN_CHECKS:
-            margins[name] = np.array([check.margin for check in of_motors], dtype=float)
+            margins[name] = np.array([check.margin for check in checks], dtype=float)
     return answers, margins, gear
 
 
@@ -750,19 +747,26 @@ def _demand_ranges(
         are exact wherever an answer depends on it.
     """
     load = case.load
-    inertias = np.array([[shaft_inertia(chain, x) for x in motor_data.motors] for chain in chains])
-    friction = np.array([[motor_friction(chain, x) for x in motor_data.motors] for chain in chains])
-    heads = [chain.drive.gearhead for chain in chains[1:]]
-    factors_of = [(head.forwards, head.ratio) for head in heads if head is not None]
-    forwards, ratio = np.array([(1.0, 1.0), *factors_of]).T[..., None]
-    ones = np.ones(friction.shape[:2])
-    # The first entry is the smallest inertia of each pair, and the second is the largest.
-    factors = np.array(
-        [
-            np.stack([forwards * ones, ratio * inertia, friction[..., 1], 0 * ones], axis=-1)
-            for inertia in np.moveaxis(np.unique(inertias, axis=2), 2, 0)
-        ]
-    )
+    # Ends of the ranges of the inertia and of the friction torque, (k, m, 2).
+    inertias = np.empty((len(chains), len(motor_data.motors), 2))
+    friction = np.empty_like(inertias)
+    # Torque factor and ratio of the gearhead of each chain, (k, 1).
+    forwards = np.ones((len(chains), 1))
+    ratio = np.ones((len(chains), 1))
+    for k, chain in enumerate(chains):
+        if k and chain.drive.gearhead is not None:
+            forwards[k] = chain.drive.gearhead.forwards
+            ratio[k] = chain.drive.gearhead.ratio
+        for m, motor in enumerate(motor_data.motors):
+            inertias[k, m] = shaft_inertia(chain, motor)
+            friction[k, m] = motor_friction(chain, motor)
+    # Smallest and largest inertia of each pair, or one inertia if all of them are certain.
+    inertia_ends = np.moveaxis(np.unique(inertias, axis=2), 2, 0)
+    # Factors of the four parts of `CornerTorques`, (ends, k, m, 4).
+    factors = np.zeros(inertia_ends.shape + (4,))
+    factors[..., 0] = forwards
+    factors[..., 1] = ratio * inertia_ends
+    factors[..., 2] = friction[..., 1]
     corners = CornerTorques(load, case.spread.corners())
     # The demands are convex in the inertia, so between its ends they fall by at most half of its
     # width times |ẇ|. The friction changes them at most by the width of its range.
@@ -775,16 +779,16 @@ def _demand_ranges(
     torque_limit = motor_data.limit("torque") + torque_drop
     peak, least_peak = corners.peaks([factors], corners.torque_extremes, torque_limit)
     # The voltage is the larger one of the cold and the hot motor.
-    per_speed = np.array([0.0, 0.0, 0.0, 1.0]) * ratio[..., None]
-    of_states = [
-        a[:, None] * factors + b[:, None] * per_speed
-        for a, b in np.moveaxis(motor_data.balance, 0, 2)
-    ]
+    speed_factors = np.array([0.0, 0.0, 0.0, 1.0]) * ratio[..., None]
+    voltage_states = []
+    for state in (0, 1):
+        per_torque, per_speed = motor_data.balance[:, state].T[..., None]
+        voltage_states.append(per_torque * factors + per_speed * speed_factors)
     voltage_limit = motor_data.limit("voltage") + voltage_drop
-    volts, least_volts = corners.peaks(of_states, corners.extremes, voltage_limit)
+    voltage, least_voltage = corners.peaks(voltage_states, corners.extremes, voltage_limit)
     rms = corners.rms(factors)
-    largest = np.stack([peak, rms.max(axis=(0, 1)), volts], axis=1)
-    smallest = np.stack([least_peak, rms.min(axis=(0, 1)), least_volts], axis=1)
+    largest = np.stack([peak, rms.max(axis=(0, 1)), voltage], axis=1)
+    smallest = np.stack([least_peak, rms.min(axis=(0, 1)), least_voltage], axis=1)
     drops = np.stack([torque_drop, rms_drop, voltage_drop], axis=1)
     return zip(largest, np.maximum(smallest - drops, 0.0), strict=True)
 
@@ -815,18 +819,20 @@ class CornerTorques:
         corners : sequence of dict
             Combinations (c) of the ends of the friction parameters with a stated range, by name.
         """
-        drives = (drive_with_values(load.drive, {**x, "input_inertia": 0.0}) for x in corners)
-        self._torques = np.array([replace(load, drive=drive).torque() for drive in drives])
+        torques = []
+        for corner in corners:
+            drive = drive_with_values(load.drive, corner | {"input_inertia": 0.0})
+            torques.append(replace(load, drive=drive).torque())
+        self._torques = np.array(torques)
         turning = load.acceleration() * (load.direction != 0)
         self._motion = np.stack([turning, load.direction, load.speed()])
         self._weight = load.weight
-        ends = [
-            np.vstack([end, self._motion])
-            for end in (self._torques.min(axis=0), self._torques.max(axis=0))
-        ]
-        both = np.hstack(ends)
+        least = np.vstack([self._torques.min(axis=0), self._motion])
+        most = np.vstack([self._torques.max(axis=0), self._motion])
+        both = np.hstack([least, most])
         self.extremes = both[:, _extreme_instants(both)]
-        self._least, self._most = (end[:, _extreme_instants(end[:3])] for end in ends)
+        self._least = least[:, _extreme_instants(least[:3])]
+        self._most = most[:, _extreme_instants(most[:3])]
         self.torque_extremes = np.hstack([self._least, self._most])
 
     def rms(self, factors: Array) -> Array:
@@ -842,10 +848,12 @@ class CornerTorques:
         (c, e, k, m) array
             RMS torques at every corner, N·m.
         """
-        parts = (np.vstack([torque, self._motion]) for torque in self._torques)
-        # The mean square of Σ f_i part_i is fᵀ P f with the mean products P of the parts.
-        products = [part * self._weight @ part.T for part in parts]
-        squares = [np.sum(factors @ product * factors, axis=-1) for product in products]
+        squares = []
+        for torque in self._torques:
+            parts = np.vstack([torque, self._motion])
+            # The mean square of Σ f_i part_i is fᵀ P f with the mean products P of the parts.
+            mean_products = parts * self._weight @ parts.T
+            squares.append(np.sum(factors @ mean_products * factors, axis=-1))
         return np.sqrt(np.maximum(squares, 0.0))
 
     def peaks(self, states: Sequence[Array], parts: Array, limit: Array) -> tuple[Array, Array]:
@@ -867,23 +875,23 @@ class CornerTorques:
             The peaks, N·m or V. The smallest one is a lower bound if this bound exceeds the limit
             or if the largest one keeps it.
         """
-        peak = np.max([_largest(np.abs, factors, parts).max(axis=0) for factors in states], axis=0)
-        # At every instant, the smallest magnitude over all corners is at least the value with the
-        # smallest torque, and at least minus the value with the largest torque.
-        bounds = [
-            np.maximum(
-                _largest(np.positive, factors, self._least),
-                _largest(np.negative, factors, self._most),
-            ).min(axis=0)
-            for factors in states
-        ]
+        peaks = []
+        bounds = []
+        for factors in states:
+            peaks.append(_largest_values(np.abs, factors, parts).max(axis=0))
+            # At every instant, the smallest magnitude over all corners is at least the value with
+            # the smallest torque, and at least minus the value with the largest torque.
+            forwards = _largest_values(np.positive, factors, self._least)
+            backwards = _largest_values(np.negative, factors, self._most)
+            bounds.append(np.maximum(forwards, backwards).min(axis=0))
+        peak = np.max(peaks, axis=0)
         smallest = np.max(bounds, axis=0)
         is_open = (peak > limit) & (smallest <= limit * (1 + 2 * MARGIN_TOLERANCE))
         for k, m in np.argwhere(is_open):
+            # All instants at every corner decide, (states, ends, corners, instants).
             rows = np.array([factors[:, k, m] for factors in states])
-            values = (
-                rows[..., :1, None] * self._torques + (rows[..., 1:] @ self._motion)[:, :, None]
-            )
+            torques = rows[..., :1, None] * self._torques
+            values = torques + (rows[..., 1:] @ self._motion)[:, :, None]
             smallest[k, m] = np.abs(values).max(axis=(0, 3)).min()
         return peak, smallest
 
@@ -925,12 +933,12 @@ def _extreme_instants(parts: Array) -> Indices:
     return np.concatenate(indices)
 
 
-def _largest(sign: Callable[[Array], Array], factors: Array, parts: Array) -> Array:
-    """Compute the largest value or magnitude over n instants of each combination of parts.
+def _largest_values(transform: Callable[[Array], Array], factors: Array, parts: Array) -> Array:
+    """Compute the largest transformed value over n instants of each combination of parts.
 
     Parameters
     ----------
-    sign : callable
+    transform : callable
         Function of the values whose largest result is wanted, for example `numpy.abs`.
     factors : (e, k, m, p) array
         Factors of the p parts for each end of the inertia, chain and motor.
@@ -940,10 +948,13 @@ def _largest(sign: Callable[[Array], Array], factors: Array, parts: Array) -> Ar
     Returns
     -------
     (e, k, m) array
-        Largest values of `sign(factors @ parts)`.
+        Largest values of `transform(factors @ parts)`.
     """
+    largest = np.empty(factors.shape[:3])
     # The values of one chain fit into the processor's cache.
-    return np.array([[sign(motors @ parts).max(axis=1) for motors in chains] for chains in factors])
+    for end, k in np.ndindex(factors.shape[:2]):
+        largest[end, k] = transform(factors[end, k] @ parts).max(axis=1)
+    return largest
 
 
 def _heat_answers(
@@ -978,34 +989,28 @@ def _heat_answers(
         1 passed, 0 not known or not evaluated, −1 failed.
     """
     highest, lowest = band
-    answers = np.where(
-        highest <= motor_data.cool, 1, np.where(lowest > motor_data.hot, -1, 0)
-    ).astype(np.int8)
-    needs_evaluation = (
-        (answers == 0)
-        & ~fails
-        & np.isfinite(motor_data.cool)
-        & ~((highest > motor_data.hot) & (lowest <= motor_data.cool))
-    )
-    for m in np.flatnonzero(needs_evaluation).tolist():
+    answers = _answers(highest <= motor_data.cool, lowest > motor_data.hot)
+    is_known = np.isfinite(motor_data.cool)
+    stays_open = (highest > motor_data.hot) & (lowest <= motor_data.cool)
+    for m in np.flatnonzero((answers == 0) & ~fails & is_known & ~stays_open).tolist():
         motor = motor_data.motors[m]
-        heat = compute_heat(with_motor(load, motor)[0], motor, conditions, highest[m])
+        motor_load, *_ = with_motor(load, motor)
+        heat = compute_heat(motor_load, motor, conditions, highest[m])
         if heat is not None:
-            limit = np.array(heat.capacity)
-            answers[m] = _answers_from_margins(
-                relative_margin(highest[m], limit), relative_margin(lowest[m], limit)
-            )
+            margin = relative_margin(highest[m], heat.capacity)
+            best_margin = relative_margin(lowest[m], heat.capacity)
+            answers[m] = _answers_from_margins(margin, best_margin)
     return answers
 
 
-def _answers_from_margins(highest_margin: Array, lowest_margin: Array) -> Answers:
+def _answers_from_margins(margin: Array, best_margin: Array) -> Answers:
     """Convert bounds of a margin into answers.
 
     The answers are those that `Check.passed` gives for single pairs.
 
     Parameters
     ----------
-    highest_margin, lowest_margin : (m,) arrays
+    margin, best_margin : (m,) arrays
         Margins at the highest and at the lowest possible demand. The first one is thus the smaller.
 
     Returns
@@ -1014,6 +1019,20 @@ def _answers_from_margins(highest_margin: Array, lowest_margin: Array) -> Answer
         1 if the highest demand keeps the limit, −1 if even the lowest demand exceeds it, otherwise
         0.
     """
-    return np.where(
-        highest_margin >= -MARGIN_TOLERANCE, 1, np.where(lowest_margin < -MARGIN_TOLERANCE, -1, 0)
-    ).astype(np.int8)
+    return _answers(margin >= -MARGIN_TOLERANCE, best_margin < -MARGIN_TOLERANCE)
+
+
+def _answers(passes: Mask, fails: Mask) -> Answers:
+    """Combine the masks of passed and of failed checks into answers.
+
+    Parameters
+    ----------
+    passes, fails : arrays of bool of the same shape
+        True if the check certainly passes, and if it certainly fails.
+
+    Returns
+    -------
+    array of the same shape
+        1 passed, −1 failed, 0 not known.
+    """
+    return np.select([passes, fails], [1, -1]).astype(np.int8)

@@ -73,16 +73,19 @@ class JointSizing:
         on the gear, the check with the smallest margin (`binds`), all margins, and the data that
         undecided checks need.
         """
+        drive = self.load.drive
+        answers = [check.passed for check in self.gear]
+        if drive.placeholders:
+            answers.append(None)
         tightest = tightest_check(self.gear)
-        is_stated = None if self.load.drive.placeholders else True
         return {
             "joint": self.load.joint,
-            "drive": self.load.drive.name,
-            "adequate": combine_answers([is_stated, *(check.passed for check in self.gear)]),
-            "binds": None if tightest is None else tightest.name,
+            "drive": drive.name,
+            "adequate": combine_answers(answers),
+            "binds": tightest and tightest.name,
             "margins": {check.name: check.margin for check in self.gear},
             "not_checked": {check.name: check.needs for check in self.gear if check.passed is None},
-            "placeholders": list(self.load.drive.placeholders),
+            "placeholders": list(drive.placeholders),
         }
 
     def requirement_dict(self, confidence: float) -> JsonObject:
@@ -103,19 +106,17 @@ class JointSizing:
         dict
             The requirement and the entry `band`.
         """
+        band = self.band
         names: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_effort")
-        bands: JsonObject = {
-            name: [self.band.low(name, confidence), self.band.high(name, confidence)]
-            if self.band.known
-            else None
-            for name in names
-        }
-        if self.band.smooth is not None:
-            smooth = float(
-                np.quantile(self.band.smooth.peak_torque, confidence, method="inverted_cdf")
-            )
-            bands["peak_torque_without_ripple"] = [self.band.low("peak_torque", confidence), smooth]
-        return {**self.requirement.to_dict(), "band": bands}
+        ranges: JsonObject = dict.fromkeys(names)
+        if band.known:
+            for name in names:
+                ranges[name] = [band.low(name, confidence), band.high(name, confidence)]
+        if band.smooth is not None:
+            smooth_torque = band.smooth.peak_torque
+            high = float(np.quantile(smooth_torque, confidence, method="inverted_cdf"))
+            ranges["peak_torque_without_ripple"] = [band.low("peak_torque", confidence), high]
+        return {**self.requirement.to_dict(), "band": ranges}
 
 
 @record
@@ -141,8 +142,11 @@ class Sizing:
         """
         if not self.joints:
             return None
-        gears = [check.passed for joint in self.joints for check in joint.gear]
-        return combine_answers([*(joint.adequate for joint in self.joints), *gears])
+        answers = []
+        for joint in self.joints:
+            answers.append(joint.adequate)
+            answers += [check.passed for check in joint.gear]
+        return combine_answers(answers)
 
     @property
     def verdicts(self) -> tuple[MotorVerdict, ...]:
@@ -221,9 +225,8 @@ def size(
                 key=joint,
                 allowed=", ".join(sorted(moving)),
             )
-    return Sizing(
-        tuple(_size_joint(load, motors.get(load.joint), conditions) for load in loads), conditions
-    )
+    joints = tuple(_size_joint(load, motors.get(load.joint), conditions) for load in loads)
+    return Sizing(joints, conditions)
 
 
 def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Sizing:
@@ -246,10 +249,8 @@ def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Siz
         Requirements, checks and verdicts of every joint with a drive.
     """
     conditions = Conditions(pause=pause)
-    return Sizing(
-        tuple(_size_joint(load, None, conditions) for load in joint_loads(trajectory, robot)),
-        conditions,
-    )
+    loads = joint_loads(trajectory, robot)
+    return Sizing(tuple(_size_joint(load, None, conditions) for load in loads), conditions)
 
 
 def _size_joint(
@@ -272,13 +273,11 @@ def _size_joint(
     JointSizing
         Requirements and verdicts. The candidates are in ascending order of their nominal torque.
     """
-    substitutes = load.alternatives if candidates is None else ()
+    alternatives: list[MotorVerdict] = []
     if candidates is None:
         candidates = [] if load.motor is None else [load.motor]
-    verdicts, alternatives = (
-        [assess(load, motor, conditions) for motor in motors]
-        for motors in (candidates, substitutes)
-    )
+        alternatives = [assess(load, motor, conditions) for motor in load.alternatives]
+    verdicts = [assess(load, motor, conditions) for motor in candidates]
     verdicts.sort(key=lambda verdict: (verdict.motor.nominal_torque, verdict.motor.max_torque))
     case = gear_case(load, conditions)
     return JointSizing(
@@ -346,9 +345,8 @@ def largest_payload(
 
     def judge(mass: float) -> _SmallestMargin:
         """Find the smallest margin with an additional mass (kg) at the tip."""
-        return _find_smallest_margin(
-            [a.interpolate(b, mass) for a, b in zip(empty, loaded, strict=True)], motors, conditions
-        )
+        loads = [load.interpolate(target, mass) for load, target in zip(empty, loaded, strict=True)]
+        return _find_smallest_margin(loads, motors, conditions)
 
     return _search_largest(judge, 1e-6, LARGEST_PAYLOAD)
 
@@ -382,12 +380,13 @@ def shortest_duration(
 
     def judge(speed: float) -> _SmallestMargin:
         """Find the smallest margin of the motion at a multiple of its speed."""
-        return _find_smallest_margin(
-            [load.stretched(1.0 / speed) for load in loads], motors, conditions
-        )
+        stretched_loads = [load.stretched(1.0 / speed) for load in loads]
+        return _find_smallest_margin(stretched_loads, motors, conditions)
 
     result = _search_largest(judge, 1.0 / LARGEST_DURATION_FACTOR, LARGEST_DURATION_FACTOR)
-    return replace(result, value=None if result.value is None else 1.0 / result.value)
+    if result.value is None:
+        return result
+    return replace(result, value=1.0 / result.value)
 
 
 @frozen
@@ -420,20 +419,23 @@ def _find_smallest_margin(
         The smallest margin, its joint and check, and the checks without a margin. The check of the
         confidence is excluded.
     """
-    smallest: tuple[float, str | None, str | None] = (float("inf"), None, None)
+    margin = float("inf")
+    joint: str | None = None
+    binds: str | None = None
     missing = []
     for load in loads:
         motor = motors.get(load.joint, load.motor)
         if motor is None:
             missing.append(f"{load.joint}: a motor")
             continue
-        verdict = assess(load, motor, conditions)
-        for check in (*verdict.checks, *verdict.gear):
+        for check in assess(load, motor, conditions).all_checks:
             if check.margin is None:
                 missing.append(f"{load.joint}: {check.name}")
-            elif check.name != CONFIDENCE_CHECK:
-                smallest = min(smallest, (check.margin, load.joint, check.name), key=lambda x: x[0])
-    return _SmallestMargin(*smallest, tuple(missing))
+            elif check.name != CONFIDENCE_CHECK and check.margin < margin:
+                margin = check.margin
+                joint = load.joint
+                binds = check.name
+    return _SmallestMargin(margin, joint, binds, tuple(missing))
 
 
 def _search_largest(
@@ -456,7 +458,8 @@ def _search_largest(
     WhatIf
         The value, and the check that fails just above it.
     """
-    low, high = lower, upper
+    low = lower
+    high = upper
     failed = judge(upper)
     if failed.margin >= 0:
         return WhatIf("unlimited", None, None, None, failed.not_checked)
@@ -467,7 +470,8 @@ def _search_largest(
         middle = math.sqrt(low * high)
         judgement = judge(middle)
         if judgement.margin < 0:
-            high, failed = middle, judgement
+            high = middle
+            failed = judgement
         else:
             low = middle
     return WhatIf("found", low, failed.joint, failed.binds, failed.not_checked)

@@ -393,10 +393,8 @@ class Cycle:
         square = np.square(torque)
         if pause > 0:
             # The instants are densest at the start of the pause, where the winding cools fastest.
-            share = (
-                np.expm1(np.linspace(0.0, np.log1p(PAUSE_INTERVAL_RATIO), PAUSE_INSTANTS))
-                / PAUSE_INTERVAL_RATIO
-            )
+            exponents = np.linspace(0.0, np.log1p(PAUSE_INTERVAL_RATIO), PAUSE_INSTANTS)
+            share = np.expm1(exponents) / PAUSE_INTERVAL_RATIO
             t = np.append(t, t[-1] + pause * share)
             square = np.append(square, np.zeros(PAUSE_INSTANTS))
         return cls(t, square)
@@ -482,7 +480,9 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
         state", if the loss grows faster than the heat can leave.
     """
     mean = _mean_temperature(model, cycle)
-    return _no_steady_state(cycle) if mean is None else _iterate_temperatures(model, cycle, mean)
+    if mean is None:
+        return _no_steady_state(cycle)
+    return _iterate_temperatures(model, cycle, mean)
 
 
 def _no_steady_state(cycle: Cycle) -> Temperatures:
@@ -525,27 +525,29 @@ def _iterate_temperatures(
         Temperatures with the status "warming up" if `start` is given, and otherwise "steady" or "no
         steady state".
     """
+    is_periodic = start is None
     winding = np.full(len(cycle.t), guess)
     housing = winding
     for _ in range(MOST_ITERATIONS):
         modes, power = _linearise_loss(model, cycle, winding)
-        if start is None and modes.is_unstable:
+        if is_periodic and modes.is_unstable:
             break
         free = simulate_modes(modes, cycle.t, power)
         # A mode that starts at z₀ ends at free + decay · z₀, which equals z₀ if it repeats.
-        periodic = free[:, -1] / (1.0 - modes.decay(cycle.period)[:, 0])
-        initial = periodic if start is None else modes.states(start)
+        initial = free[:, -1] / (1.0 - modes.decay(cycle.period)[:, 0])
+        if start is not None:
+            initial = modes.states(start)
         states = free + modes.decay(cycle.t) * initial[:, None]
         previous = winding
         winding, housing = model.ambient + modes.temperatures(states)
         change = float(np.abs(winding - previous).max())
         if change < TEMPERATURE_TOLERANCE:
-            return Temperatures(winding, housing, "steady" if start is None else "warming up")
+            return Temperatures(winding, housing, "steady" if is_periodic else "warming up")
         if not np.isfinite(change) or winding.max() > LARGEST_TEMPERATURE:
             break
-    return (
-        _no_steady_state(cycle) if start is None else Temperatures(winding, housing, "warming up")
-    )
+    if is_periodic:
+        return _no_steady_state(cycle)
+    return Temperatures(winding, housing, "warming up")
 
 
 def _linearise_loss(
@@ -660,11 +662,8 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
     if steady.steady and steady.peak < limit:
         return None
     # The search ends after 60 times the slowest possible time constant.
-    horizon = (
-        60.0
-        * (model.r_winding_housing + model.r_housing_ambient)
-        * (model.c_winding + model.c_housing)
-    )
+    thermal_resistance = model.r_winding_housing + model.r_housing_ambient
+    horizon = 60.0 * thermal_resistance * (model.c_winding + model.c_housing)
     cycles = previous_cycles = 0
     current = previous = np.full(2, model.ambient)
     max_stride = 1 << 40  # no bound before the first step that is too long
@@ -673,14 +672,15 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
         hot = np.flatnonzero(temperatures.winding >= limit)
         stride = cycles - previous_cycles
         if len(hot) and stride <= 1:
-            return cycles * cycle.period + _crossing_time(
-                cycle.t, temperatures.winding, int(hot[0]), limit
-            )
+            crossing = _crossing_time(cycle.t, temperatures.winding, int(hot[0]), limit)
+            return cycles * cycle.period + crossing
         if len(hot):
-            cycles, current = previous_cycles, previous
+            cycles = previous_cycles
+            current = previous
             max_stride = stride // 2
             temperatures = warm_up(model, cycle, tuple(current))
-        previous_cycles, previous = cycles, current
+        previous_cycles = cycles
+        previous = current
         stride, current = _advance_cycles(model, cycle, temperatures, current, max_stride)
         cycles += stride
     return None
@@ -721,9 +721,9 @@ def _advance_cycles(
     decay = modes.decay(cycle.period)[:, 0]
     gained_states = simulate_modes(modes, cycle.t, power)[:, -1]
     # Σ decay^i for i = 0 … stride − 1 is (decay^stride − 1)/(decay − 1).
-    state = decay**stride * modes.states(start - model.ambient) + gained_states * np.expm1(
-        stride * np.log(decay)
-    ) / (decay - 1.0)
+    series = np.expm1(stride * np.log(decay))
+    initial = modes.states(start - model.ambient)
+    state = decay**stride * initial + gained_states * series / (decay - 1.0)
     return stride, model.ambient + modes.temperatures(state)
 
 

@@ -33,11 +33,7 @@ STAGE_COLOURS = ("0.45", COLOURS[1], COLOURS[2], FIFTH_COLOUR, COLOURS[3])
 
 
 def write_study_figures(
-    study: Study,
-    reference: Candidate,
-    rows: Candidates,
-    front: Candidates,
-    folder: Path,
+    study: Study, reference: Candidate, rows: Candidates, front: Candidates, folder: Path
 ) -> Files:
     """Write the figures `front` and `map` as PNG and PDF.
 

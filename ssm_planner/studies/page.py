@@ -18,12 +18,7 @@ import numpy as np
 from ssm_planner.atomic import write_text
 from ssm_planner.display import format_number, plain_words
 from ssm_planner.reporting import PAGE_MARK, render_page
-from ssm_planner.studies.store import (
-    Candidate,
-    Candidates,
-    dominating_candidates,
-    pareto_front,
-)
+from ssm_planner.studies.store import Candidate, Candidates, dominating_candidates, pareto_front
 from ssm_planner.studies.study import Study, Varied
 from ssm_planner.typing import Array, Fields, JsonObject
 from ssm_planner.units import display_unit

@@ -265,10 +265,7 @@ def open_runner(
     """
     if workers is not None and not 1 <= workers <= MAX_WORKERS:
         raise ProblemError(
-            "invalid number of workers",
-            key="workers",
-            value=workers,
-            allowed=f"1 to {MAX_WORKERS}",
+            "invalid number of workers", key="workers", value=workers, allowed=f"1 to {MAX_WORKERS}"
         )
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
@@ -338,7 +335,8 @@ class StudyRunner:
         self._pending: dict[Future[Any], Sequence[CandidateTask]] = {}
         # Duration (s) and number of candidates of the latest batches, as sums in which the weight
         # of a batch decreases by the factor 0.8 with each later batch.
-        self._batch_seconds, self._batch_candidates = BATCH_DURATION, 1.0
+        self._batch_seconds = BATCH_DURATION
+        self._batch_candidates = 1.0
         self._unwritten_results: list[tuple[str, Candidate]] = []
         self._last_write = time.monotonic()
         self._next_page = self._last_write + PAGE_INTERVAL
@@ -422,7 +420,8 @@ class StudyRunner:
         for task, rejection in zip(waiting, rejections, strict=True):
             if rejection is not None:
                 key, number, design = task
-                stage, reason = rejection.stage, rejection.reason
+                stage = rejection.stage
+                reason = rejection.reason
                 self._record_result(key, Candidate(number, "infeasible", design, stage, reason))
                 continue
             batch.append(task)

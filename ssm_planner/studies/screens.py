@@ -427,7 +427,8 @@ def _motor_rejections(joint: Joint, load: Array, direction: Array) -> dict[int, 
         Rejection by index of the robot. Empty if the motor of the joint, its drive or the friction
         of this drive is missing.
     """
-    drive, motor = joint.drive, joint.motor
+    drive = joint.drive
+    motor = joint.motor
     if drive is None or motor is None or drive.friction is None:
         return {}
     torque = np.abs(breakaway_torque(drive, load, np.where(direction == 0, 1.0, direction)))

@@ -154,11 +154,9 @@ def find_group_maxima(
         # largest of them.
         better = better[np.argsort(middle[better], kind="stable")]
         changed = group[better]
-        maximum[changed], index[changed], argument[changed] = (
-            middle[better],
-            polynomial[better],
-            start[better] + width,
-        )
+        maximum[changed] = middle[better]
+        index[changed] = polynomial[better]
+        argument[changed] = start[better] + width
         value_to_exceed = np.maximum(value_to_exceed, maximum + tolerance)
         pieces = np.concatenate([left_half, right_half])
         group = np.tile(group, 2)
@@ -269,12 +267,11 @@ def _find_single_zeros(coefficients: Array) -> Array:
     """
     powers = to_powers(coefficients)
     if len(powers) <= MAX_SCALAR_POLYNOMIALS:
-        return np.array(
-            [
-                _find_single_zero(row, bool(start_sign > 0))
-                for row, start_sign in zip(powers.tolist(), coefficients[:, 0], strict=True)
-            ]
-        )
+        zeros = [
+            _find_single_zero(row, bool(start_value > 0))
+            for row, start_value in zip(powers.tolist(), coefficients[:, 0], strict=True)
+        ]
+        return np.array(zeros)
     low = np.zeros(len(powers))
     high = np.ones(len(powers))
     start_sign = np.sign(coefficients[:, 0])
@@ -303,14 +300,14 @@ def _find_single_zero(powers: list[float], falling: bool) -> float:
     """
     low = 0.0
     high = 1.0
-    leading, *lower = powers[::-1]
     # The inner loop evaluates the polynomial in the middle by Horner's rule.
     for _ in range(BISECTION_STEPS):
         middle = (low + high) / 2
-        value = leading
-        for coefficient in lower:
+        value = 0.0
+        for coefficient in reversed(powers):
             value = value * middle + coefficient
-        if (value > 0) if falling else (value < 0):
+        is_before_zero = value > 0 if falling else value < 0
+        if is_before_zero:
             low = middle
         else:
             high = middle

@@ -24,7 +24,15 @@ from ssm_planner.dynamics import (
     with_payload,
 )
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem import FRICTION_LAWS, LAW_COLUMN, Drive, MotorTorque, Robot, TaskLimits
+from ssm_planner.problem import (
+    FRICTION_LAWS,
+    LAW_COLUMN,
+    Drive,
+    Joint,
+    MotorTorque,
+    Robot,
+    TaskLimits,
+)
 from ssm_planner.trajectory import Trajectory, blocks
 from ssm_planner.typing import Array, Arrays, Indices
 from ssm_planner.verification.limits import LimitedQuantity, WorstCase
@@ -78,30 +86,57 @@ def worst_case_torques(
     quantities: list[LimitedQuantity] = []
     for i, drive, _ in motorised_joints(robot.joints):
         joint = robot.joints[i]
-        parameter_sets = {} if drive.friction is None else {"mu": np.array([drive.friction.mu])}
-        if limits.friction is not None:
-            uncertain = friction_spread(drive).within(limits.friction)
-            if not uncertain:
-                raise ProblemError(
-                    f"the friction of {drive.name} (joint {joint.name}) has no uncertainty",
-                    key="friction",
-                    value=limits.friction,
-                    allowed="drives with posterior, covariance or friction_ranges",
-                )
-            parameter_sets = _extreme_parameter_sets(uncertain)
+        parameter_sets = _candidate_parameter_sets(drive, joint, limits.friction)
         extreme_sets: set[tuple[int, int]] = set()
         for payload_index in range(len(masses)):
             extreme_sets |= motion.extreme_sets(i, drive, parameter_sets, payload_index)
-        for k, payload_index in sorted(extreme_sets):
+        for set_index, payload_index in sorted(extreme_sets):
             mass = masses[payload_index]
-            values = {name: float(column[k]) for name, column in parameter_sets.items()}
-            texts = starmap(_parameter_text, values.items())
-            descriptions = [", ".join(texts)] if limits.friction else []
+            values = {name: float(column[set_index]) for name, column in parameter_sets.items()}
+            descriptions = []
+            if limits.friction:
+                descriptions.append(", ".join(starmap(_parameter_text, values.items())))
             if limits.payload:
                 descriptions.append(f"payload {1e3 * mass:g} g")
             case = WorstCase(drive_with_values(drive, values), mass, "; ".join(descriptions))
             quantities.append(LimitedQuantity(joint.limit(MotorTorque), i, case=case))
     return quantities
+
+
+def _candidate_parameter_sets(drive: Drive, joint: Joint, confidence: float | None) -> Arrays:
+    """Return the friction parameters of a drive that are candidates for its worst case.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive of the joint.
+    joint : Joint
+        The joint, whose name an error message contains.
+    confidence : float or None
+        Confidence level of the friction range, such as 0.95. None means nominal friction.
+
+    Returns
+    -------
+    dict of (sets,) arrays
+        Values of the friction parameters by name, in SI units. The dict is empty if the friction is
+        nominal and the drive has no friction model.
+
+    Raises
+    ------
+    ProblemError
+        If a range is required and the drive does not state the uncertainty of its friction.
+    """
+    if confidence is None:
+        return {} if drive.friction is None else {"mu": np.array([drive.friction.mu])}
+    uncertain = friction_spread(drive).within(confidence)
+    if not uncertain:
+        raise ProblemError(
+            f"the friction of {drive.name} (joint {joint.name}) has no uncertainty",
+            key="friction",
+            value=confidence,
+            allowed="drives with posterior, covariance or friction_ranges",
+        )
+    return _extreme_parameter_sets(uncertain)
 
 
 def _parameter_text(name: str, value: float) -> str:
@@ -120,7 +155,9 @@ def _parameter_text(name: str, value: float) -> str:
     str
         Name and value, with four significant digits.
     """
-    return f"{name} {FRICTION_LAWS[int(value)]}" if name == LAW_COLUMN else f"{name} {value:.4g}"
+    if name == LAW_COLUMN:
+        return f"{name} {FRICTION_LAWS[int(value)]}"
+    return f"{name} {value:.4g}"
 
 
 def _extreme_parameter_sets(parameter_sets: Arrays) -> Arrays:
@@ -148,9 +185,12 @@ def _extreme_parameter_sets(parameter_sets: Arrays) -> Arrays:
     # if no other set dominates it, or if it dominates no other set.
     dominates = np.ones((len(values), len(values)), dtype=bool)
     for name, column in zip(parameter_sets, values.T, strict=True):
-        dominates &= column[:, None] == column if name in only_equal else column[:, None] >= column
+        compare = np.equal if name in only_equal else np.greater_equal
+        dominates &= compare(column[:, None], column)
     np.fill_diagonal(dominates, False)
-    outer = values[~dominates.any(axis=0) | ~dominates.any(axis=1)]
+    is_not_dominated = ~dominates.any(axis=0)
+    dominates_none = ~dominates.any(axis=1)
+    outer = values[is_not_dominated | dominates_none]
     return dict(zip(parameter_sets, outer.T, strict=True))
 
 
@@ -186,12 +226,9 @@ class _SampledMotion:
         max_intervals = max(EVALUATED_INSTANTS // (len(trajectory.breaks) - 1), 1)
         blocks = []
         for pieces in piece_blocks(trajectory):
+            segments = pieces.split_at_reversals(robot)
             intervals = SampledIntervals.from_segments(
-                pieces,
-                robot,
-                *pieces.split_at_reversals(robot),
-                rate=MAX_SAMPLING_RATE,
-                max_intervals=max_intervals,
+                pieces, robot, *segments, rate=MAX_SAMPLING_RATE, max_intervals=max_intervals
             )
             s = intervals.begin + INTERVAL_FRACTIONS * intervals.width
             q, qd, qdd = pieces.evaluate(intervals.piece, s)
@@ -223,13 +260,15 @@ class _SampledMotion:
         (sets, m) array
             Motor torques, N·m. Numbers as friction parameters give one row.
         """
-        motion = (
+        torque, *_ = drive_torque(
+            drive,
             self.tau[payload_index][instants, i],
             self.qd[instants, i],
             self.qdd[instants, i],
             self.direction[instants, i],
+            breakaway=self.start[instants, i],
         )
-        return np.atleast_2d(drive_torque(drive, *motion, breakaway=self.start[instants, i])[0])
+        return np.atleast_2d(torque)
 
     def extreme_sets(
         self, i: int, drive: Drive, parameter_sets: Arrays, payload_index: int

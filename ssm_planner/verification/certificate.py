@@ -32,7 +32,9 @@ from ssm_planner.typing import JsonObject, frozen
 
 ROUNDING_TOLERANCE = 1e-6
 """Relative excess of a limit that counts as rounding."""
-KEPT, VIOLATED, NOT_JUDGED = "kept", "violated", "not judged"
+KEPT = "kept"
+VIOLATED = "violated"
+NOT_JUDGED = "not judged"
 """Verdicts on a limit and on a whole motion."""
 
 
@@ -164,8 +166,8 @@ class LimitCheck:
         """
         try:
             numbers = {key: float(data[key]) for key in ("worst", "limit", "margin", "time")}
-            joint = None if data["joint"] is None else str(data["joint"])
-            case = None if data.get("case") is None else str(data["case"])
+            joint = _optional_text(data["joint"])
+            case = _optional_text(data.get("case"))
             return cls(str(data["name"]), joint, **numbers, unit=str(data["unit"]), case=case)
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a line of a certificate: {error!r}") from error
@@ -278,9 +280,15 @@ class Certificate:
             The copy. The seal of this certificate does not apply to it.
         """
         judged_limits = {(limit.name, limit.joint) for limit in checks}
-        limits = [c for c in self.limits if not c.passed or (c.name, c.joint) not in judged_limits]
-        unjudged = tuple(u for u in self.unjudged if (u.name, u.joint) not in judged_limits)
-        return replace(self, limits=(*limits, *checks), unjudged=unjudged)
+        retained = tuple(
+            limit
+            for limit in self.limits
+            if not limit.passed or (limit.name, limit.joint) not in judged_limits
+        )
+        unjudged = tuple(
+            item for item in self.unjudged if (item.name, item.joint) not in judged_limits
+        )
+        return replace(self, limits=retained + checks, unjudged=unjudged)
 
     def allowing(self, *names: str) -> "Certificate":
         """Return the certificate in which limits with these names may remain unjudged.
@@ -373,7 +381,7 @@ class Certificate:
             "limits": [
                 {**limit.to_dict(), "verdict": self.verdict_of(limit)} for limit in self.limits
             ],
-            "unjudged": [dict(vars(u)) for u in self.unjudged],
+            "unjudged": [dict(vars(item)) for item in self.unjudged],
             "unchecked": list(self.unchecked),
             "sha256": self.sha256,
         }
@@ -404,8 +412,8 @@ class Certificate:
             if type(instants) is not int:
                 raise TypeError(f"instants = {instants!r} is not a whole number")
             unjudged = tuple(
-                Unjudged(str(u["name"]), u["joint"] and str(u["joint"]), str(u["reason"]))
-                for u in data.get("unjudged", ())
+                Unjudged(str(item["name"]), _optional_text(item["joint"]), str(item["reason"]))
+                for item in data.get("unjudged", ())
             )
             certificate = cls(
                 limits, str(data["interpolation"]), instants, unchecked, unjudged=unjudged
@@ -417,6 +425,22 @@ class Certificate:
             return certificate
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a certificate: {error!r}") from error
+
+
+def _optional_text(value: Any) -> str | None:
+    """Convert a JSON value to text, and keep null as None.
+
+    Parameters
+    ----------
+    value : JSON value
+        Entry of a plan.json that may be null, such as the joint of a limit.
+
+    Returns
+    -------
+    str or None
+        The text. None for null.
+    """
+    return None if value is None else str(value)
 
 
 def worst_result_per_limit(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ...]:
@@ -558,22 +582,25 @@ def _seal_hash(
     str
         SHA-256 hash in hexadecimal.
     """
-    rates: JsonObject = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
+    task: JsonObject = dict(to_plain(limits))
+    task["start_rate"] = limits.start_rate
+    task["end_rate"] = limits.end_rate
     # A motion that is repeated without pause has the same seal as one without this key.
     if limits.duty != 0:
-        rates["duty"] = limits.duty
+        task["duty"] = limits.duty
     if any(limit.name in PATH_REQUIREMENTS for limit in certificate.limits):
-        rates["promises"] = [
+        task["promises"] = [
             _path_keys(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))
         ]
-    content = {**certificate.to_dict(), "sha256": None}
+    content = certificate.to_dict()
+    content["sha256"] = None
     # Verdicts follow from the other values, and earlier versions did not write them.
     del content["verdict"]
     content["limits"] = [limit.to_dict() for limit in certificate.limits]
     if not certificate.unjudged:
         del content["unjudged"]
-    text = json.dumps({"found": content, "limits": {**to_plain(limits), **rates}}, sort_keys=True)
-    # The text of the robot is cached, so it is appended as the last key of the JSON object.
+    text = json.dumps({"found": content, "limits": task}, sort_keys=True)
+    # The text of the robot is cached, so it replaces the final brace as the last key.
     digest = hashlib.sha256(f'{text[:-1]}, "robot": {robot_text(robot)}}}'.encode())
     digest.update(trajectory.breaks.astype("<f8").tobytes())
     for block in blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK):

@@ -25,7 +25,6 @@ from ssm_planner.problem import (
     END_VELOCITY_NAMES,
     JUMP_NAMES,
     ContinuousTorque,
-    Joint,
     Robot,
     SelfLocking,
     TaskLimits,
@@ -111,32 +110,32 @@ def check(
         If the limits require a range of friction and a drive does not state its uncertainty.
     """
     is_table = resolution is not None
-    jumps = JumpRecorder(robot)
     rate = min(rate, MAX_INSTANTS / trajectory.duration)
-    # The acceleration of linear pieces is undefined, and so are quantities that depend on it.
-    checked = [
-        item for item in limited_quantities(robot, limits) if not is_table or item.limit.order < 2
-    ]
-    checked += [] if is_table else worst_case_torques(trajectory, robot, limits)
-    checks, sampled = _worst_values(trajectory, robot, limits, checked, rate, jumps=jumps)
+    quantities = list(limited_quantities(robot, limits))
+    if is_table:
+        # The acceleration of linear pieces is undefined, and so are quantities that depend on it.
+        quantities = [item for item in quantities if item.limit.order < 2]
+    else:
+        quantities += worst_case_torques(trajectory, robot, limits)
+    jumps = JumpRecorder(robot)
+    checks, sampled = _worst_values(trajectory, robot, limits, quantities, rate, jumps=jumps)
+    unchecked = _motor_remarks(robot)
     unjudged: list[Unjudged] = []
-    unchecked = [
-        f"motor torque and speed of joint {joint.name}: {_missing_motor_reason(joint)}"
-        for joint in robot.joints
-        if joint.drive is None or joint.motor is None
-    ]
     if limits.duty is None:
         unchecked.append("continuous torque: it does not limit a motion that is performed once")
     else:
         checks += sampled.rms.results(robot, trajectory, limits.duty)
     if resolution is not None:
-        checks, rounded, unjudged = check_linear_pieces(
-            trajectory, robot, limits, resolution, dict(zip(checked, checks, strict=True))
+        sampled_checks = dict(zip(quantities, checks, strict=True))
+        checks, remarks, unjudged = check_linear_pieces(
+            trajectory, robot, limits, resolution, sampled_checks
         )
-        unchecked += rounded
-        dynamics, bands = _check_table_dynamics(trajectory, robot, limits, resolution, rate=rate)
-        checks += dynamics
-        unjudged += bands
+        unchecked += remarks
+        dynamic_checks, unjudged_dynamics = _check_table_dynamics(
+            trajectory, robot, limits, resolution, rate=rate
+        )
+        checks += dynamic_checks
+        unjudged += unjudged_dynamics
     checks += jumps.results(is_table)
     checks += check_end_velocities(trajectory, robot, limits, is_table)
     checks += _check_self_locking(robot, limits.friction)
@@ -162,7 +161,7 @@ def _worst_values(
     trajectory: Trajectory,
     robot: Robot,
     limits: TaskLimits,
-    checked: list[LimitedQuantity],
+    quantities: list[LimitedQuantity],
     rate: float,
     jumps: JumpRecorder | None = None,
 ) -> tuple[list[LimitCheck], SampledExtremes]:
@@ -176,7 +175,7 @@ def _worst_values(
         Robot whose limits must hold.
     limits : TaskLimits
         Limits of the task.
-    checked : list of LimitedQuantity
+    quantities : list of LimitedQuantity
         The quantities to evaluate.
     rate : float
         Sampling rate of the quantities that are not polynomials (`SampledExtremes`), Hz.
@@ -190,7 +189,7 @@ def _worst_values(
     sampled : SampledExtremes
         The completed search, which also provides the number of instants and the RMS torques.
     """
-    extremes = [WorstValue(quantity) for quantity in checked]
+    extremes = [WorstValue(quantity) for quantity in quantities]
     sampled = SampledExtremes(trajectory, robot, extremes, rate=rate, eye=limits.eye)
     for pieces in piece_blocks(trajectory):
         update_polynomial_extremes(pieces, extremes)
@@ -233,14 +232,16 @@ def _check_table_dynamics(
     index_blocks = blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK)
     curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in index_blocks]
     smooth = np.flatnonzero(np.concatenate(curved))
-    bands: list[LimitCheck] = []
     unjudged: list[Unjudged] = []
-    if not len(smooth):
-        bands, unjudged = check_torque_bands(
+    settled_limits: set[tuple[str, str | None]] = set()
+    if len(smooth):
+        checks = _check_smooth_pieces(trajectory, smooth, robot, limits, rate=rate)
+    else:
+        checks, unjudged = check_torque_bands(
             trajectory, robot, limits, resolution, LINEAR_PIECES_REASON
         )
-    judged_limits = {(band.name, band.joint) for band in bands}
-    judged_limits |= {(item.name, item.joint) for item in unjudged}
+        settled_limits.update((item.name, item.joint) for item in checks)
+        settled_limits.update((item.name, item.joint) for item in unjudged)
     # A limit of an order above 1 depends on the acceleration. The continuous torque counts only if
     # the motion is repeated (`duty`).
     all_limits = list(limits.limits)
@@ -248,11 +249,9 @@ def _check_table_dynamics(
         all_limits += joint.limits
     for limit in all_limits:
         is_limited = limits.duty is not None or type(limit) is not ContinuousTorque
-        if limit.order > 1 and is_limited and (limit.name, limit.joint) not in judged_limits:
+        if limit.order > 1 and is_limited and (limit.name, limit.joint) not in settled_limits:
             unjudged.append(Unjudged(limit.name, limit.joint, LINEAR_PIECES_REASON))
-    if len(smooth):
-        bands = _check_smooth_pieces(trajectory, smooth, robot, limits, rate=rate)
-    return bands, unjudged
+    return checks, unjudged
 
 
 def _check_smooth_pieces(
@@ -284,9 +283,9 @@ def _check_smooth_pieces(
     lengths = np.diff(trajectory.breaks)[index]
     breaks = np.append(0.0, np.cumsum(lengths))
     smooth_motion = Trajectory(breaks, trajectory.pieces(index), ())
-    checked = [item for item in limited_quantities(robot, limits) if item.limit.order >= 2]
-    checked += worst_case_torques(smooth_motion, robot, limits)
-    checks, _ = _worst_values(smooth_motion, robot, limits, checked, rate)
+    quantities = [item for item in limited_quantities(robot, limits) if item.limit.order >= 2]
+    quantities += worst_case_torques(smooth_motion, robot, limits)
+    checks, _ = _worst_values(smooth_motion, robot, limits, quantities, rate)
     times = np.array([item.time for item in checks])
     piece_index = smooth_motion.piece_of(times)
     # The joined motion omits the linear pieces, so its pieces start earlier than the original ones.
@@ -294,24 +293,33 @@ def _check_smooth_pieces(
     return [replace(item, time=float(t)) for item, t in zip(checks, times, strict=True)]
 
 
-def _missing_motor_reason(joint: Joint) -> str:
-    """Return the reason why the torque and the speed of a motor are not checked.
+def _motor_remarks(robot: Robot) -> list[str]:
+    """State for which joints the torque and the speed of the motor are not checked, and why.
 
     Parameters
     ----------
-    joint : Joint
-        A joint without a drive or without a motor.
+    robot : Robot
+        Robot with the drives and motors of its joints.
 
     Returns
     -------
-    str
-        The reason, which the certificate repeats.
+    list of str
+        One remark for each joint without a drive or without a motor. The certificate repeats it.
     """
-    if joint.drive is not None:
-        return "the robot file names no motor for it"
-    if joint.motor is None:
-        return "the robot file names no drive and no motor for it"
-    return f"the robot file names no drive for it, so its motor {joint.motor.name} is ignored"
+    remarks = []
+    for joint in robot.joints:
+        if joint.drive is None and joint.motor is None:
+            reason = "the robot file names no drive and no motor for it"
+        elif joint.motor is None:
+            reason = "the robot file names no motor for it"
+        elif joint.drive is None:
+            reason = (
+                f"the robot file names no drive for it, so its motor {joint.motor.name} is ignored"
+            )
+        else:
+            continue
+        remarks.append(f"motor torque and speed of joint {joint.name}: {reason}")
+    return remarks
 
 
 def _check_self_locking(robot: Robot, confidence: float | None) -> list[LimitCheck]:
@@ -390,12 +398,10 @@ def check_stops(
     Certificate
         The worst values over all stops. Times count from the start of the first stop.
     """
-    joined = stops.joined
     remaining = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
     limits = replace(limits, limits=remaining, motion=())
-    certificate = check(
-        motion if joined is None else joined, robot, limits, rate=STOP_SAMPLING_RATE
-    )
+    checked_motion = motion if stops.joined is None else stops.joined
+    certificate = check(checked_motion, robot, limits, rate=STOP_SAMPLING_RATE)
     excluded = JUMP_NAMES + END_VELOCITY_NAMES + (ContinuousTorque.name,)
     remaining_checks = tuple(item for item in certificate.limits if item.name not in excluded)
     return replace(certificate, limits=remaining_checks)
@@ -433,9 +439,9 @@ def _check_stop_travel(motion: Trajectory, robot: Robot, limits: TaskLimits) -> 
     following = stops.time[min(farthest + 1, len(stops.time) - 1)]
     closer = quickest_stops(motion, robot, np.linspace(previous, following, REFINEMENT_INSTANTS))
     travel = np.append(stops.travel, closer.travel)
-    time = np.append(stops.time, closer.time)
-    k = int(np.argmax(travel))
-    result = LimitCheck.from_extreme(limit, float(travel[k]), float(motion.breaks[0] + time[k]))
+    time = motion.breaks[0] + np.append(stops.time, closer.time)
+    worst = int(np.argmax(travel))
+    result = LimitCheck.from_extreme(limit, float(travel[worst]), float(time[worst]))
     tightest = check_stops(stops, motion, robot, limits).worst
     if tightest.passed and stops.ends_at_rest:
         return [result]

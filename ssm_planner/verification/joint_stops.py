@@ -122,13 +122,14 @@ def _earliest_stop(
     StopPieces
         Durations (m,) in s and coefficients (m, 6, 4) of the pieces, with the continued motion.
     """
-    stop_index = next((k for k in range(first, len(stops)) if stops[k] is not None), len(stops) - 1)
+    possible = [k for k in range(first, len(stops)) if stops[k] is not None]
+    stop_index = possible[0] if possible else len(stops) - 1
     no_pieces = np.zeros(0), np.zeros((0, DEGREE + 1, 4))
-    stop = stops[stop_index] or no_pieces
+    stop_lengths, stop_coefficients = stops[stop_index] or no_pieces
     if stop_index == first:
-        return stop
+        return stop_lengths, stop_coefficients
     lengths, coefficients = _motion_between(motion, instants[first], instants[stop_index])
-    return np.append(lengths, stop[0]), np.concatenate([coefficients, stop[1]])
+    return (np.append(lengths, stop_lengths), np.concatenate([coefficients, stop_coefficients]))
 
 
 def _motion_between(motion: Trajectory, start: float, end: float) -> StopPieces:
@@ -242,11 +243,14 @@ def _pieces_of_phases(
     list of n StopPieces
         Durations (m,) in s and coefficients (m, 6, 4) of the pieces of each stop.
     """
+    # Positions and velocities at the start of each phase, and of the rest after the last phase
     positions = [q]
     velocities = [velocity]
-    for x, dx, ddx, dddx, t in zip(
-        positions, velocities, accelerations, jerks, durations, strict=False
-    ):
+    for phase, t in enumerate(durations):
+        x = positions[phase]
+        dx = velocities[phase]
+        ddx = accelerations[phase]
+        dddx = jerks[phase]
         positions.append(x + dx * t + ddx * t**2 / 2 + dddx * t**3 / 6)
         velocities.append(dx + ddx * t + dddx * t**2 / 2)
     # The rest after the last phase has no velocity, also after rounding.
@@ -307,14 +311,17 @@ def _limit_excesses(stops: list[StopPieces], robot: Robot, limits: TaskLimits) -
     # Near a reversal, the friction may be static.
     static = (direction != 0) & (np.abs(samples.qd) <= STARTING_SPEED_FRACTION * robot.velocities)
     state = samples.q, samples.qd, samples.qdd
-    values = iter(law.evaluate(state, direction, static.astype(float)).T)
-    # Index of the stop to which each piece belongs.
-    owner = np.repeat(np.arange(len(stops)), counts)
-    for quantity in (item.quantity for item in limited):
+    derivatives = (*state, samples.qddd)
+    # `evaluate` returns a column for each quantity that is not a polynomial in time.
+    columns = iter(law.evaluate(state, direction, static.astype(float)).T)
+    # Index of the stop to which each sample belongs
+    owner = np.repeat(np.arange(len(stops)), counts)[index]
+    for extreme in limited:
+        quantity = extreme.quantity
         if quantity.order is None:
-            value = next(values)
+            value = next(columns)
         else:
-            derivative = (*state, samples.qddd)[quantity.order]
+            derivative = derivatives[quantity.order]
             value = quantity.scale * derivative[:, quantity.index]
-        np.maximum.at(excess, owner[index], quantity.excess(value, value))
+        np.maximum.at(excess, owner, quantity.excess(value, value))
     return excess

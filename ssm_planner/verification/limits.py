@@ -166,11 +166,14 @@ class WorstValue:
             value and the upper end of the range. Otherwise, it contains the value and the nearer
             end.
         """
-        limit, value = self.quantity.limit, self.value + 0.0  # turns −0 into 0
-        bound = limit.high if limit.high - value <= value - limit.low else limit.low
+        limit = self.quantity.limit
+        case = self.quantity.case
+        value = self.value + 0.0  # turns −0 into 0
         if limit.low == -limit.high:
             value = abs(value)
-            bound = limit.high
+        # NaN counts as being near the lower end of a range.
+        is_near_high = limit.high - value <= value - limit.low
+        bound = limit.high if is_near_high or limit.low == -limit.high else limit.low
         return LimitCheck(
             limit.name,
             limit.joint,
@@ -179,7 +182,7 @@ class WorstValue:
             margin=-self.excess,
             time=self.time,
             unit=limit.unit,
-            case=None if self.quantity.case is None else self.quantity.case.description,
+            case=None if case is None else case.description,
         )
 
 
@@ -206,9 +209,8 @@ def limited_quantities(robot: Robot, limits: TaskLimits) -> Iterator[LimitedQuan
             if isinstance(limit, (MotorTorque, NutContact)):
                 yield LimitedQuantity(limit, i)
             elif isinstance(limit, MotorSpeed):
-                yield LimitedQuantity(
-                    limit, i, 1, 1.0 if joint.drive is None else joint.drive.ratio
-                )
+                ratio = 1.0 if joint.drive is None else joint.drive.ratio
+                yield LimitedQuantity(limit, i, order=1, scale=ratio)
             elif not isinstance(limit, (ContinuousTorque, SelfLocking)):
                 yield LimitedQuantity(limit, i, limit.order)
     for limit_type in (TaskRange, TaskRate):
@@ -217,12 +219,14 @@ def limited_quantities(robot: Robot, limits: TaskLimits) -> Iterator[LimitedQuan
         }
         for k, name in enumerate(TASK_COORDINATES):
             task_limit = by_coordinate.get(name)
-            # The depth is the position of joint 4, except for its sign.
-            if task_limit is not None and name == "depth":
-                yield LimitedQuantity(
-                    task_limit, 3, task_limit.order, float(robot.geometry.insertion_sign)
-                )
-            elif task_limit is not None:
+            if task_limit is None:
+                continue
+            if name == "depth":
+                # The depth is the position of joint 4, except for its sign.
+                sign = float(robot.geometry.insertion_sign)
+                yield LimitedQuantity(task_limit, 3, order=task_limit.order, scale=sign)
+            else:
                 yield LimitedQuantity(task_limit, k)
     yield from map(LimitedQuantity, limits.speeds)
-    yield from map(LimitedQuantity, () if limits.eye is None else limits.eye.limits)
+    if limits.eye is not None:
+        yield from map(LimitedQuantity, limits.eye.limits)

@@ -295,31 +295,32 @@ def update_polynomial_extremes(pieces: PieceBlock, extremes: Sequence[WorstValue
         not polynomials and are skipped.
     """
     lowest, highest = pieces.coefficient_bounds
-    for order, bernstein_of in enumerate(pieces.bernstein_coefficients):
-        # Entries: worst value, sign of the quantity, its upper bound, and the value to exceed
-        candidates: list[tuple[WorstValue, float, float, float]] = []
+    for order, coefficients in enumerate(pieces.bernstein_coefficients):
+        # Worst values to improve, and signs with which their quantities have upper bounds
+        candidates: list[tuple[WorstValue, float]] = []
+        table = []  # joint, factor, upper bound, half width and value to exceed of each candidate
         for extreme in extremes:
             quantity = extreme.quantity
             if quantity.order != order:
                 continue
             limit = quantity.limit
-            i = quantity.index
+            joint = quantity.index
             for sign, bound in ((1.0, limit.high), (-1.0, -limit.low)):
                 factor = sign * quantity.scale
+                largest = max(factor * lowest[order, joint], factor * highest[order, joint])
                 # Value of the quantity at which it is as bad as the worst value so far.
                 threshold = bound + extreme.excess * limit.half_width
-                if max(factor * lowest[order, i], factor * highest[order, i]) > threshold:
-                    candidates.append((extreme, sign, bound, threshold))
+                if largest > threshold:
+                    candidates.append((extreme, sign))
+                    table.append((joint, factor, bound, limit.half_width, threshold))
         if not candidates:
             continue
-        columns = [extreme.quantity.index for extreme, *_ in candidates]
-        factors = np.array([sign * extreme.quantity.scale for extreme, sign, *_ in candidates])
-        widths = np.array([extreme.quantity.limit.half_width for extreme, *_ in candidates])
-        thresholds = np.array([threshold for *_, threshold in candidates])
-        groups = bernstein_of.T[columns] * factors[:, None, None]
-        maxima = bernstein.find_group_maxima(groups, EXTREME_ACCURACY * widths, thresholds)
-        for (extreme, sign, bound, _), width, value, index, s in zip(
-            candidates, widths, *maxima, strict=True
-        ):
-            time = float(pieces.start[index] + s * pieces.length[index])
-            extreme.update(float((value - bound) / width), float(sign * value), time)
+        joints, factors, bounds, half_widths, thresholds = np.array(table).T
+        groups = coefficients.T[joints.astype(int)] * factors[:, None, None]
+        values, index, s = bernstein.find_group_maxima(
+            groups, EXTREME_ACCURACY * half_widths, thresholds
+        )
+        excesses = (values - bounds) / half_widths
+        times = pieces.times_at(index, s)
+        for k, (extreme, sign) in enumerate(candidates):
+            extreme.update(float(excesses[k]), float(sign * values[k]), float(times[k]))

@@ -74,7 +74,8 @@ def check_linear_pieces(
     for block in blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK):
         speeds.update(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
     speeds.finish(end_velocity)
-    results, unjudged = [], []
+    results = []
+    unjudged = []
     for quantity, limit in checks.items():
         result = _without_rounding(quantity, limit, trajectory, robot, speeds)
         if result.passed and limit.margin < -EXPLAINABLE_EXCESS:
@@ -248,16 +249,18 @@ def _without_rounding(
     if trajectory.pieces(_adjacent_pieces(trajectory, limit.time))[:, 2:].any():
         return limit  # points that state velocities, so rounding explains nothing
     scale = abs(quantity.scale)
-    i = quantity.index
-    speed = float(speeds.fastest[i]), float(speeds.fastest_time[i])
+    joint = quantity.index
+    candidates = [(float(speeds.fastest[joint]), float(speeds.fastest_time[joint]))]
     if not limit.passed:
         bound = limit.limit / scale
-        speed = max(speed, _worst_window_speed(trajectory, i, bound, float(speeds.resolution[i])))
-    return _with_worst_value(limit, scale * speed[0], speed[1])
+        resolution = float(speeds.resolution[joint])
+        candidates.append(_worst_window_speed(trajectory, joint, bound, resolution))
+    speed, time = max(candidates)
+    return _with_worst_value(limit, scale * speed, time)
 
 
 def _worst_window_speed(
-    trajectory: Trajectory, i: int, bound: float, resolution: float
+    trajectory: Trajectory, joint: int, bound: float, resolution: float
 ) -> tuple[float, float]:
     """Compute the mean speed of a joint over the window of points that is worst for a speed limit.
 
@@ -274,7 +277,7 @@ def _worst_window_speed(
     ----------
     trajectory : Trajectory
         Motion that is checked.
-    i : int
+    joint : int
         Index of the joint.
     bound : float
         Limit of the speed, rad/s or m/s.
@@ -288,7 +291,7 @@ def _worst_window_speed(
     """
     t = trajectory.breaks
     q = np.concatenate(
-        [trajectory.positions(t[block])[:, i] for block in blocks(len(t), PIECES_PER_BLOCK)]
+        [trajectory.positions(t[block])[:, joint] for block in blocks(len(t), PIECES_PER_BLOCK)]
     )
     largest_rise = 0.0
     speed = 0.0
@@ -355,8 +358,9 @@ def _tool_speed_without_rounding(
         length = trajectory.breaks[index + 1] - trajectory.breaks[index]
         # Each end of a piece may be wrong by the resolution.
         speed_error = 2 * resolution / length[:, None]
-        rounding = sum(tool_speeds(q, np.eye(4)[i] * speed_error) for i in range(4))
-        return np.maximum(tool_speeds(q, speeds) - rounding, 0.0)
+        # The sum over the joints bounds the tool speed that the errors of all joints cause.
+        explained = sum(tool_speeds(q, only_joint * speed_error) for only_joint in np.eye(4))
+        return np.maximum(tool_speeds(q, speeds) - explained, 0.0)
 
     pieces = _adjacent_pieces(trajectory, limit.time)
     q_worst = trajectory.sample_pieces(pieces, limit.time - trajectory.breaks[pieces]).q
@@ -396,7 +400,10 @@ def _adjacent_pieces(trajectory: Trajectory, time: float) -> Indices:
         Indices of the pieces before and after the time. Both are the same if the time is not a
         break.
     """
-    return np.concatenate([trajectory.piece_of(np.array([time]), s) for s in ("left", "right")])
+    instant = np.array([time])
+    before = trajectory.piece_of(instant, "left")
+    after = trajectory.piece_of(instant, "right")
+    return np.concatenate([before, after])
 
 
 def _with_worst_value(limit: LimitCheck, value: float, time: float) -> LimitCheck:

@@ -444,15 +444,16 @@ def task_coordinates_of(mechanism: Mechanism, point: Point, default: Array, bran
         Roll, tilt and spin in rad, and depth in m.
     """
     if isinstance(point, Task):
-        coordinates = point.set_coordinates
-        return np.array(
-            [coordinates.get(name, default[k]) for k, name in enumerate(TASK_COORDINATES)]
-        )
+        task = default.copy()
+        for k, name in enumerate(TASK_COORDINATES):
+            task[k] = point.set_coordinates.get(name, default[k])
+        return task
     if isinstance(point, Joints):
         q = np.array([point.values])
     else:
         solutions = inverse_tip(mechanism, [point.position], point.spin).joints
-        q = solutions[:, 0 if branch > 0 else 1]
+        branch_index = 0 if branch > 0 else 1
+        q = solutions[:, branch_index]
     return task_from_joints(mechanism, q, near=default)[0]
 
 
@@ -565,7 +566,9 @@ def _circular_arc(tips: Array, centre: Array, *, shorter: bool) -> Curve:
     """
     radius = tips[0] - centre
     end = tips[-1] - centre
-    normal = np.cross(radius, end) if shorter else np.cross(tips[1] - tips[0], tips[-1] - tips[0])
+    normal = np.cross(radius, end)
+    if not shorter:
+        normal = np.cross(tips[1] - tips[0], tips[-1] - tips[0])
     size = np.linalg.norm(normal)
     # A point of the arc at angle φ from its start is centre + cos φ · radius + sin φ · tangent. If
     # the normal is 0, both ends coincide and the arc has no length.
@@ -731,17 +734,17 @@ def _check_departure(
     shares = corner_distances / radii
     outside = np.all(corner_distances > radii + CORNER_SLACK, axis=1)
     distances_away = np.where(outside, distances, 0.0)
-    k = int(np.argmax(distances_away))
-    departure = float(distances_away[k]), float(t[k])
     phase = promise.span.name
-    checks = [LimitCheck.from_extreme(PathDeparture(PATH_TOLERANCE), *departure, phase)]
+    worst = int(np.argmax(distances_away))
+    limit = PathDeparture(PATH_TOLERANCE)
+    checks = [LimitCheck.from_extreme(limit, float(distances_away[worst]), float(t[worst]), phase)]
     if promise.corner_distances:
-        k = int(np.argmax(np.where(distances > LINE_DEPARTURE, shares.min(axis=1), 0.0)))
-        nearest = int(np.argmin(shares[k]))
-        allowed = promise.corner_distances[nearest]
-        reach = float(corner_distances[k, nearest]) if distances[k] > LINE_DEPARTURE else 0.0
-        rounding = CornerRounding(allowed)
-        checks.append(LimitCheck.from_extreme(rounding, reach, float(t[k]), phase))
+        has_left = distances > LINE_DEPARTURE
+        worst = int(np.argmax(np.where(has_left, shares.min(axis=1), 0.0)))
+        nearest = int(np.argmin(shares[worst]))
+        reach = float(corner_distances[worst, nearest]) if has_left[worst] else 0.0
+        rounding = CornerRounding(promise.corner_distances[nearest])
+        checks.append(LimitCheck.from_extreme(rounding, reach, float(t[worst]), phase))
     return checks
 
 
@@ -767,17 +770,17 @@ def _check_required_value(
         The value with the largest deviation. Its limit is the end of the tolerance on the same
         side.
     """
-    error = values - limit.largest
-    k = int(np.argmax(np.abs(error)))
-    bound = limit.largest + tolerance * float(np.sign(error[k]) or 1.0)
-    margin = 1 - float(abs(error[k])) / tolerance
+    errors = values - limit.largest
+    worst = int(np.argmax(np.abs(errors)))
+    error = float(errors[worst])
+    bound = limit.largest + (tolerance if error >= 0 else -tolerance)
     return LimitCheck(
         limit.name,
         None,
-        float(values[k]),
+        float(values[worst]),
         limit=bound,
-        margin=margin,
-        time=float(t[k]),
+        margin=1 - abs(error) / tolerance,
+        time=float(t[worst]),
         unit=limit.unit,
         case=promise.span.name,
     )

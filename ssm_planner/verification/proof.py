@@ -86,10 +86,10 @@ def _proof_from_claim(claim: dict[str, Any]) -> Proof:
     Proof
         The proof.
     """
-    values: dict[str, Any] = {
-        name: None if isinstance(value, float) and not isfinite(value) else value
-        for name, value in claim.items()
-    }
+    values = dict(claim)
+    for name, value in claim.items():
+        if isinstance(value, float) and not isfinite(value):
+            values[name] = None
     return Proof(**values)
 
 

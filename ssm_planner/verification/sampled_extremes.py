@@ -162,16 +162,15 @@ class SampledExtremes:
         )
         # These keys, the robot and the eye determine the compiled function. The values of the
         # limits do not matter.
-        self._evaluate_quantities = (
-            _quantity_function(_without_limits(robot), eye, keys) if keys else None
-        )
+        self._evaluate_quantities: VectorisedFunction | None = None
+        if keys:
+            self._evaluate_quantities = _quantity_function(_without_limits(robot), eye, keys)
         self.has_kinks = np.array([quantity.has_kinks for quantity in self.quantities])
         self.rms = RmsTorques(self.quantities)
         self.instants = 0
-        count = len(trajectory.breaks) - 1
-        self.max_piece_intervals = int(
-            np.clip(MAX_FIRST_PASS_INTERVALS // count, *PIECE_INTERVALS_RANGE)
-        )
+        intervals_per_piece = MAX_FIRST_PASS_INTERVALS // (len(trajectory.breaks) - 1)
+        smallest, largest = PIECE_INTERVALS_RANGE
+        self.max_piece_intervals = int(np.clip(intervals_per_piece, smallest, largest))
 
     def search(self, pieces: PieceBlock) -> None:
         """Update the worst values and the mean square torques with a block of pieces.
@@ -200,10 +199,8 @@ class SampledExtremes:
             gain = self._gain(lowest, highest)
             duration = intervals.width * pieces.length[intervals.piece]
             if level == 0:
-                is_open = (
-                    (gain > 0) | intervals.near_rest | self.rms.needs_refinement(values, duration)
-                )
-                open_indices = np.flatnonzero(is_open)
+                is_inaccurate = self.rms.needs_refinement(values, duration)
+                open_indices = np.flatnonzero((gain > 0) | intervals.near_rest | is_inaccurate)
                 duration[open_indices] = 0.0  # the parts of these intervals are integrated instead
             else:
                 open_indices = np.flatnonzero(gain > 0)
@@ -240,9 +237,8 @@ class SampledExtremes:
             elif isinstance(quantity.limit, NutContact):
                 drive = self.robot.joints[quantity.index].drive
                 if drive is not None:
-                    values[:, k] = nut_contact_force(
-                        drive, values[:, k], drive.ratio * state[2][:, quantity.index]
-                    )
+                    motor_acceleration = drive.ratio * state[2][:, quantity.index]
+                    values[:, k] = nut_contact_force(drive, values[:, k], motor_acceleration)
         return values
 
     def _sample(self, pieces: PieceBlock, intervals: "SampledIntervals") -> Array:
@@ -304,7 +300,8 @@ class SampledExtremes:
             k = int(np.argmax(excess))
             entry.update(float(excess[k]), float(value[k]), float(time[k]))
         values[:3] = results[: s.size].reshape(3, len(intervals.piece), -1)
-        values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
+        values[3, :-1] = values[0, 1:]
+        values[3, final] = results[s.size :]
 
     def _gain(self, lowest: Array, highest: Array) -> Array:
         """Compute by how much n intervals may exceed the worst values found so far.
@@ -320,14 +317,11 @@ class SampledExtremes:
             Largest increase of the relative excess over a limit (`LimitedQuantity.excess`), minus
             `BRACKET_TOLERANCE`. An interval with a positive value must be divided.
         """
-        bounds = zip(self.worst_values, lowest.T, highest.T, strict=True)
-        return np.max(
-            [
-                w.quantity.excess(low, high) - w.excess - BRACKET_TOLERANCE
-                for w, low, high in bounds
-            ],
-            axis=0,
-        )
+        gains = [
+            item.quantity.excess(low, high) - item.excess - BRACKET_TOLERANCE
+            for item, low, high in zip(self.worst_values, lowest.T, highest.T, strict=True)
+        ]
+        return np.max(gains, axis=0)
 
 
 def bracket_values(values: Array, has_kinks: Mask) -> tuple[Array, Array]:
@@ -434,11 +428,13 @@ class SampledIntervals:
             piece, np.stack([start, (start + end) / 2, end])
         )
         direction = np.sign(middle) * pieces.moving_joints(robot)[piece]
-        # The velocity may jump by JUMP_TOLERANCE, so a joint may start with such a speed.
+        # Where a joint changes its direction, the velocity may jump by JUMP_TOLERANCE, so the joint
+        # may start with such a speed.
         previous_direction = np.vstack([np.zeros(4), direction[:-1]])
-        start_speed = np.where(
+        rest_multiple = np.where(
             direction == previous_direction, 1.0, JUMP_TOLERANCE / REST_FRACTION
-        ) * rest_speeds(robot)
+        )
+        start_speed = rest_multiple * rest_speeds(robot)
         starting = (np.abs(at_begin) <= start_speed) & (direction != 0)
         stopping = (np.abs(at_end) <= start_speed) & (direction != 0)
         # An interval of four instants spans three sampling periods.
@@ -676,9 +672,9 @@ def _quantity_function(
     task = task_from_joints_symbolic(mechanism, q)
     rates = task_rates_symbolic(mechanism, q, qd)
     tip = tip_position_symbolic(mechanism, q)
-    eye_values = (
-        {} if eye is None else eye_limits(casadi_namespace(), eye, tuple(ca.vertsplit(tip)))
-    )
+    eye_values = {}
+    if eye is not None:
+        eye_values = eye_limits(casadi_namespace(), eye, tuple(ca.vertsplit(tip)))
     rows: list[ca.SX] = []
     loads = {0.0: tau}
     for limit_type, name, i, case in keys:
@@ -686,8 +682,11 @@ def _quantity_function(
             if case.payload not in loads:
                 body = RigidBody.from_robot(with_payload(robot, case.payload))
                 loads[case.payload] = body.symbolic(q, qd, qdd)
-            motion = loads[case.payload][i], qd[i], qdd[i], direction[i]
-            rows.append(drive_torque(case.drive, *motion, breakaway=breakaway[i])[0])
+            load = loads[case.payload][i]
+            case_torque, *_ = drive_torque(
+                case.drive, load, qd[i], qdd[i], direction[i], breakaway=breakaway[i]
+            )
+            rows.append(case_torque)
         elif issubclass(limit_type, MotorTorque):
             rows.append(torque[i])
         elif issubclass(limit_type, NutContact):

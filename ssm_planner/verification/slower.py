@@ -225,9 +225,9 @@ def _worst_speed(
     """
     row, joint = column
     for _ in range(SPEED_REFINEMENTS):
-        k = int(np.argmax(values))
-        low = factors[max(k - 1, 0)]
-        high = factors[min(k + 1, len(factors) - 1)]
+        worst = int(np.argmax(values))
+        low = factors[max(worst - 1, 0)]
+        high = factors[min(worst + 1, len(factors) - 1)]
         factors = np.geomspace(low, high, 13)  # six steps on either side of the worst speed
         values = _peak_and_rms_torques(motion, robot, factors, pause)[row][:, joint]
     return float(np.clip(factors[int(np.argmax(values))], 0.0, 1.0))

@@ -96,8 +96,6 @@ class StopMotions:
         lengths, coefficients = self.pieces
         return tuple(
             _trajectory_from_pieces(lengths[start:end], coefficients[start:end].copy())
-            if start < end
-            else None
             for start, end in pairwise(self.edges.tolist())
         )
 
@@ -107,10 +105,11 @@ class StopMotions:
 
         The value is None if all joints rest at every instant.
         """
-        return _trajectory_from_pieces(*self.pieces) if len(self.pieces[0]) else None
+        lengths, coefficients = self.pieces
+        return _trajectory_from_pieces(lengths, coefficients)
 
 
-def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory:
+def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory | None:
     """Build a trajectory that starts at time 0 from polynomial pieces.
 
     Parameters
@@ -122,9 +121,11 @@ def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory:
 
     Returns
     -------
-    Trajectory
-        The trajectory, which has no phases.
+    Trajectory or None
+        The trajectory, which has no phases. None if the number of pieces is 0.
     """
+    if not len(lengths):
+        return None
     return Trajectory(np.append(0.0, np.cumsum(lengths)), coefficients, ())
 
 
@@ -260,47 +261,63 @@ def quickest_stops(
         The stops in the order of time. Their instants may differ from the requested instants by
         less than `MIN_BREAK_DISTANCE`.
     """
-    times = (
-        np.linspace(0.0, motion.duration, instants)
-        if isinstance(instants, int)
-        else np.sort(np.asarray(instants, float))
-    )
+    if isinstance(instants, int):
+        instants = np.linspace(0.0, motion.duration, instants)
+    times = np.sort(np.asarray(instants, float))
     if robot.jerk_limited:
-        stops_of_joints = compute_joint_stops(
-            motion, robot, limits or TaskLimits(robot.limits), times
-        )
-        return _measure_stops(times, stops_of_joints, robot, ends_at_rest=True)
-    slow = rest_speeds(robot)
-    rests = np.flatnonzero((np.abs(motion.sample(motion.breaks).qd) <= slow).all(axis=1))
-    first_pieces = [0]
-    for break_index in rests:
-        if (
-            break_index - first_pieces[-1] >= MIN_LEG_PIECES
-            and len(motion.breaks) - break_index > MIN_LEG_PIECES
-        ):
-            first_pieces.append(int(break_index))
+        task_limits = limits or TaskLimits(robot.limits)
+        pieces = compute_joint_stops(motion, robot, task_limits, times)
+        return _measure_stops(times, pieces, robot, ends_at_rest=True)
+    first_pieces = _leg_starts(motion, robot)
     starts = motion.breaks[first_pieces] - motion.breaks[0]
     grid = np.linspace(0.0, motion.duration, INSTANTS)
-    legs, grids = (np.split(t, np.searchsorted(t, starts[1:])) for t in (times, grid))
+    inner_starts = starts[1:]
+    times_of_legs = np.split(times, np.searchsorted(times, inner_starts))
+    grids = np.split(grid, np.searchsorted(grid, inner_starts))
     piece_ranges = pairwise(first_pieces + [len(motion.breaks) - 1])
-    rows = []
-    for (first_piece, end_piece), start, leg, instants_of_leg in zip(
-        piece_ranges, starts, legs, grids, strict=True
+    legs = []
+    for (first_piece, end_piece), start, leg_times, leg_grid in zip(
+        piece_ranges, starts, times_of_legs, grids, strict=True
     ):
         breaks = motion.breaks[first_piece : end_piece + 1]
         leg_motion = Trajectory(breaks, motion.pieces(slice(first_piece, end_piece)), ())
-        stops = _stops_of_leg(leg_motion, robot, leg - start, instants_of_leg - start)
-        measures = stops.time + start, stops.duration, stops.travel
-        rows.append((*measures, *stops.pieces, np.diff(stops.edges)))
-    time, duration, travel, *pieces, sizes = map(np.concatenate, zip(*rows, strict=True))
+        legs.append(_stops_of_leg(leg_motion, robot, leg_times - start, leg_grid - start))
+    lengths = np.concatenate([leg.pieces[0] for leg in legs])
+    coefficients = np.concatenate([leg.pieces[1] for leg in legs])
+    piece_counts = np.concatenate([np.diff(leg.edges) for leg in legs])
     return StopMotions(
-        time,
-        duration,
-        travel,
-        (pieces[0], pieces[1]),
-        edges=np.append(0, np.cumsum(sizes)),
-        ends_at_rest=stops.ends_at_rest,
+        np.concatenate([leg.time + start for leg, start in zip(legs, starts, strict=True)]),
+        np.concatenate([leg.duration for leg in legs]),
+        np.concatenate([leg.travel for leg in legs]),
+        (lengths, coefficients),
+        edges=np.append(0, np.cumsum(piece_counts)),
+        ends_at_rest=legs[-1].ends_at_rest,
     )
+
+
+def _leg_starts(motion: Trajectory, robot: Robot) -> list[int]:
+    """Divide a motion into legs that begin at rest, with at least `MIN_LEG_PIECES` pieces each.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        The motion.
+    robot : Robot
+        Robot whose velocity limits determine the rest speeds (see `rest_speeds`).
+
+    Returns
+    -------
+    list of int
+        Index of the first piece of each leg. The first entry is 0.
+    """
+    speeds = np.abs(motion.sample(motion.breaks).qd)
+    first_pieces = [0]
+    for break_index in np.flatnonzero((speeds <= rest_speeds(robot)).all(axis=1)):
+        pieces_before = break_index - first_pieces[-1]
+        breaks_after = len(motion.breaks) - break_index
+        if pieces_before >= MIN_LEG_PIECES and breaks_after > MIN_LEG_PIECES:
+            first_pieces.append(int(break_index))
+    return first_pieces
 
 
 def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array, instants: Array) -> StopMotions:
@@ -554,30 +571,28 @@ class _DecelerationBounds:
         lengths = self.path.lengths
         m = len(lengths)
         at_rest = np.zeros(n)
-        # Pairs of a state of the interval (0, 1 or 2, as in `terms`) and the value of ṡ² in it.
-        positions = [(0, x), (2, at_rest), (0, at_rest)] if ends else [(0, x), (1, x)]
-        square = np.concatenate([speed_squared for _, speed_squared in positions])
-        columns = np.concatenate([position * m + k for position, _ in positions])
+        # States of the interval (0, 1 or 2, as in `terms`), and the value of ṡ² in each of them.
+        states = (0, 2, 0) if ends else (0, 1)
+        squares = [x, at_rest, at_rest] if ends else [x, x]
+        square = np.concatenate(squares)
+        columns = np.concatenate([state * m + k for state in states])
         # A column of `terms` contains the bounds by all limits in one state of one interval.
         c0, c1, c2 = self.terms[:, :, columns]
         values = c0 + c1 * square + c2 * np.sqrt(square)
         bound = values[: self.single_rows].max(axis=0)
         half = (len(values) - self.single_rows) // 2
         if half:
-            pairs = np.minimum(
-                values[self.single_rows : self.single_rows + half],
-                values[self.single_rows + half :],
-            )
-            bound = np.maximum(bound, pairs.max(axis=0))
-        end = np.repeat([min(position, 1) for position, _ in positions], n)
-        interval = np.tile(k, len(positions))
+            first_half, second_half = np.split(values[self.single_rows :], 2)
+            bound = np.maximum(bound, np.minimum(first_half, second_half).max(axis=0))
+        end = np.repeat(np.minimum(states, 1), n)
+        interval = np.tile(k, len(states))
         for i in self.speed_dependent_joints:
             square_growth = np.where(columns // m == 1, 2 * lengths[interval], 0.0)
             motor = _MotorOnPath.from_joint(
                 self.path, self.robot.joints[i], (end, interval, i), square_growth, square
             )
             bound = np.maximum(bound, motor.smallest_acceleration(square))
-        return np.minimum(bound.reshape(len(positions), n).max(axis=0), 0.0)
+        return np.minimum(bound.reshape(len(states), n).max(axis=0), 0.0)
 
 
 @record
@@ -670,14 +685,20 @@ class _MotorOnPath:
         list of two (n,) arrays
             Motor torques in the direction of motion, N·m.
         """
-        drive, (inertia, velocity, gravity) = self.joint.drive, self.effort_terms
+        drive = self.joint.drive
         assert drive is not None
+        inertia, velocity, gravity = self.effort_terms
+        grown_square = square + self.square_growth * u
         speed = self.dq * root
-        acceleration = self.dq * u + self.ddq * (square + self.square_growth * u)
-        rigid = inertia * u + velocity * (square + self.square_growth * u) + gravity
-        effort = output_effort(drive, rigid, speed, acceleration, self.sigma)
-        motion = drive.ratio * speed, drive.ratio * acceleration
-        return [self.sigma * self.rows.torque(slope * effort, *motion) for slope in self.rows.slope]
+        acceleration = self.dq * u + self.ddq * grown_square
+        rigid_effort = inertia * u + velocity * grown_square + gravity
+        effort = output_effort(drive, rigid_effort, speed, acceleration, self.sigma)
+        motor_speed = drive.ratio * speed
+        motor_acceleration = drive.ratio * acceleration
+        return [
+            self.sigma * self.rows.torque(slope * effort, motor_speed, motor_acceleration)
+            for slope in self.rows.slope
+        ]
 
     def acceleration_bound(self, slope: Array, offset: Array) -> Array:
         """Compute the smallest s̈ at which a torque slope · s̈ + offset does not exceed its limit.

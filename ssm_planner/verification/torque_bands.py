@@ -13,6 +13,7 @@ gives the upper end. Both ends hold for every motion that keeps these limits and
 within their rounding.
 """
 
+from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
@@ -26,13 +27,7 @@ from ssm_planner.dynamics import (
     output_effort,
     required_friction,
 )
-from ssm_planner.problem import (
-    Drive,
-    JointAcceleration,
-    MotorTorque,
-    Robot,
-    TaskLimits,
-)
+from ssm_planner.problem import Drive, JointAcceleration, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import PIECES_PER_BLOCK, Trajectory, blocks
 from ssm_planner.typing import Array, Mask
 from ssm_planner.verification.certificate import ROUNDING_TOLERANCE, LimitCheck, Unjudged
@@ -76,16 +71,68 @@ def check_torque_bands(
         and the nominal friction and payload, so it is left out if the table exceeds one of these
         limits or if the task states a range of friction or payload.
     """
-    t = trajectory.breaks
-    # Rows: acceleration and torque that occur at least at some instant, and torque that no instant
-    # exceeds. Accelerations within the limit are not of interest.
-    extremes = np.array(
-        [robot.accelerations * (1 + ROUNDING_TOLERANCE), np.zeros(4), np.full(4, np.inf)]
-    )
-    extreme_times = np.zeros((3, 4))
     torque_limits = {
         i: robot.joints[i].limit(MotorTorque) for i, *_ in motorised_joints(robot.joints)
     }
+    bounds, times = _bound_table(trajectory, robot, resolution, torque_limits)
+    checks = []
+    unjudged = []
+    for i, joint in enumerate(robot.joints):
+        acceleration = float(bounds[0, i])
+        time = float(times[0, i])
+        if time:  # the acceleration exceeds its limit
+            limit = joint.limit(JointAcceleration)
+            checks.append(LimitCheck.from_extreme(limit, acceleration, time))
+    upper_bounds_hold = not checks and limits.friction is None and limits.payload is None
+    for i, torque_limit in torque_limits.items():
+        low, high = bounds[1:, i].tolist()
+        low_time, high_time = times[1:, i].tolist()
+        if low > torque_limit.high * (1 + ROUNDING_TOLERANCE):
+            checks.append(LimitCheck.from_extreme(torque_limit, low, low_time))
+        elif upper_bounds_hold and high <= torque_limit.high:
+            checks.append(LimitCheck.from_extreme(torque_limit, high, high_time))
+        else:
+            band = f"{undefined}; the largest is at least {low:.3g} {torque_limit.unit}"
+            if upper_bounds_hold:
+                band += f" and at most {high:.3g} {torque_limit.unit}"
+            unjudged.append(Unjudged(torque_limit.name, torque_limit.joint, band))
+    return checks, unjudged
+
+
+def _bound_table(
+    trajectory: Trajectory,
+    robot: Robot,
+    resolution: Array,
+    torque_limits: Mapping[int, MotorTorque],
+) -> tuple[Array, Array]:
+    """Bound the accelerations and the motor torques over a table, with windows of several widths.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The table. All its pieces are linear.
+    robot : Robot
+        Robot whose limits must hold.
+    resolution : (4,) array
+        Largest rounding error of a row, rad or m.
+    torque_limits : mapping of int to MotorTorque
+        Torque limits by the index of the joint. Once all torques are decided, narrower windows only
+        bound the accelerations.
+
+    Returns
+    -------
+    bounds : (3, 4) array
+        For each joint, the acceleration and the torque that every smooth motion reaches at some
+        instant, and the torque that it never exceeds. An acceleration within its limit is replaced
+        by the limit.
+    times : (3, 4) array
+        Times of these values, s. 0 if no window gives a value.
+    """
+    t = trajectory.breaks
+    largest_allowed = robot.accelerations * (1 + ROUNDING_TOLERANCE)
+    bounds = np.array([largest_allowed, np.zeros(4), np.full(4, np.inf)])
+    bound_times = np.zeros((3, 4))
+    is_upper_bound = np.array([[False], [False], [True]])
     is_decided = False
     for width in WINDOW_WIDTHS:
         if 2 * width >= len(t):
@@ -102,39 +149,30 @@ def check_torque_bands(
             # rows with the same number.
             moves = np.cumsum(np.diff(q, axis=0, prepend=q[:1]) != 0, axis=0)
             at_rest = moves[rows[0] - first] == moves[rows[2] - first]
-            window = t[rows][..., None], q[rows - first], at_rest
-            values = _window_bounds(*window, robot, resolution, with_torques=not is_decided)
+            window_times = t[rows][..., None]
+            window_positions = q[rows - first]
+            values = _window_bounds(
+                window_times,
+                window_positions,
+                at_rest,
+                robot,
+                resolution,
+                with_torques=not is_decided,
+            )
             highest = values.max(axis=1)
             times = np.where(highest > maxima, t[rows[1, values.argmax(axis=1)]], times)
             maxima = np.maximum(highest, maxima)
-        # The third row contains upper bounds, of which the smallest counts.
-        better = (maxima > extremes) != [[False], [False], [True]]
-        extremes = np.where(better, maxima, extremes)
-        extreme_times = np.where(better, times, extreme_times)
+        # Of several upper bounds, the smallest counts. Of other bounds, the largest counts.
+        is_better = np.where(is_upper_bound, maxima <= bounds, maxima > bounds)
+        bounds = np.where(is_better, maxima, bounds)
+        bound_times = np.where(is_better, times, bound_times)
         # A band below the limit contains the torques of all narrower windows, unless the table
         # exceeds a limit of acceleration or jerk.
         is_decided = width < WINDOW_WIDTHS[0] and not any(joint.jerk for joint in robot.joints)
         for i, limit in torque_limits.items():
-            low, high = extremes[1:, i].tolist()
+            low, high = bounds[1:, i].tolist()
             is_decided &= high <= limit.high and high - low < limit.high / 8
-    checks, unjudged = [], []
-    for i, joint in enumerate(robot.joints):
-        if extreme_times[0, i]:
-            worst = float(extremes[0, i]), float(extreme_times[0, i])
-            checks.append(LimitCheck.from_extreme(joint.limit(JointAcceleration), *worst))
-    certain = not checks and limits.friction is None and limits.payload is None
-    for i, limit in torque_limits.items():
-        low, high = extremes[1:, i].tolist()
-        if low > limit.high * (1 + ROUNDING_TOLERANCE):
-            checks.append(LimitCheck.from_extreme(limit, low, float(extreme_times[1, i])))
-        elif certain and high <= limit.high:
-            checks.append(LimitCheck.from_extreme(limit, high, float(extreme_times[2, i])))
-        else:
-            band = f"{undefined}; the largest is at least {low:.3g} {limit.unit}"
-            if certain:
-                band += f" and at most {high:.3g} {limit.unit}"
-            unjudged.append(Unjudged(limit.name, limit.joint, band))
-    return checks, unjudged
+    return bounds, bound_times
 
 
 def _window_bounds(
@@ -236,7 +274,8 @@ def _bound_load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Arra
     """
     q_error, qd_error, largest_qdd = errors
     zero = np.zeros_like(qd)
-    mass, load = body.mass_matrix(q), body.inverse_dynamics(q, qd, zero)
+    mass = body.mass_matrix(q)
+    load = body.inverse_dynamics(q, qd, zero)
     changes = zero.copy()
     # The sum over both sides is at least twice the change within the window.
     for i, side in product(range(4), (-1, 1)):
@@ -300,11 +339,16 @@ def _torque_band(
         and the upper bound uses the largest.
     """
     values = []
-    for corner in BOX_POINTS:
-        load, qd, qdd = [x + side * e for x, side, e in zip(state, corner, errors, strict=True)]
-        carried = output_effort(drive, load, qd, qdd, direction)
-        motor = drive.ratio * qd, drive.ratio * qdd
-        values.append(direction * moving_torque(drive, carried, *motor, direction=direction, mu=mu))
+    for signs in BOX_POINTS:
+        load, qd, qdd = [
+            centre + sign * half_width
+            for centre, sign, half_width in zip(state, signs, errors, strict=True)
+        ]
+        effort = output_effort(drive, load, qd, qdd, direction)
+        torque = moving_torque(
+            drive, effort, drive.ratio * qd, drive.ratio * qdd, direction=direction, mu=mu
+        )
+        values.append(direction * torque)
     highest = np.max(values, axis=0)
     at_centre = values[0]
     return 2 * at_centre[0] - highest[0], highest[1]

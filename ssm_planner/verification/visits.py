@@ -11,7 +11,18 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism, task_from_joints
-from ssm_planner.problem import Dwell, Joints, Motion, PathDeparture, Point, Problem, Scan
+from ssm_planner.problem import (
+    Dwell,
+    Follow,
+    Free,
+    Joints,
+    Motion,
+    PathDeparture,
+    Point,
+    Problem,
+    Scan,
+    Straight,
+)
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import (
@@ -70,18 +81,18 @@ def with_task_results(
     limits = problem.task_limits
     unchecked = [text for text in certificate.unchecked if text != unchecked_lines_remark(limits)]
     unjudged = list(certificate.unjudged)
-    chain: list[Motion] = []
     path = _TaskProgress(motion, Mechanism.from_robot(problem.robot))
     _, error = path.first_visit(path.errors(problem.start)[:1], 0)
     checks = [_point_result("target", "start", error, path.t[0])]
-    begin_index = index = 0
+    begin_index = index = 0  # instants at which the current entry begins and ends
+    chain: list[Motion] = []  # consecutive motions without a stop between them
     scanned = False
     for entry in problem.motion:
         if isinstance(entry, Dwell):
             stay, index = path.measure_rest(index, entry.duration)
-            checks.append(
-                _duration_result("dwell", entry.name, min(stay, entry.duration), entry.duration)
-            )
+            # A longer rest is not an error.
+            counted_stay = min(stay, entry.duration)
+            checks.append(_duration_result("dwell", entry.name, counted_stay, entry.duration))
         elif isinstance(entry, Scan):
             # The position at the end of a scan is not known here, so all coordinates are open.
             path.last_task = np.full(4, np.nan)
@@ -90,26 +101,22 @@ def with_task_results(
             for point in getattr(entry, "through", ()):
                 index, error = path.first_visit(path.errors(point), index)
                 checks.append(_point_result("waypoint", entry.name, error, path.t[index]))
-            errors = path.errors(entry.to)
-            # A coordinate that the task leaves open is NaN: the spin, or the depth of a curve along
-            # the retina.
-            is_open = getattr(entry, "spin_free", False), getattr(entry, "distance", 0)
-            path.last_task[2:][np.array(is_open, bool)] = np.nan
-            errors[:, np.isnan(path.last_task)] = np.nan
+            errors = path.target_errors(entry)
             chain.append(entry)
             if getattr(entry, "blend", None) is not None:
                 continue  # the next motion follows without a stop, so its target counts
             # The last target must be reached at the end of the motion.
-            final = entry is problem.motion[-1]
-            index, error = path.first_visit(errors, len(path.t) - 1 if final else index)
+            is_last = entry is problem.motion[-1]
+            first_index = len(path.t) - 1 if is_last else index
+            index, error = path.first_visit(errors, first_index)
             checks.append(_point_result("target", entry.name, error, path.t[index]))
             if begin_index < index and not (scanned or motion.phases):
                 span = Span(entry.name, float(path.t[begin_index]), float(path.t[index]))
-                lines = check_table_lines(
+                line_checks, unjudged_lines = check_table_lines(
                     motion, path.mechanism, limits, chain, span, allowed=POINT_TOLERANCE[3]
                 )
-                checks += lines[0]
-                unjudged += lines[1]
+                checks += line_checks
+                unjudged += unjudged_lines
             chain = []
             if entry.duration is not None:
                 actual = float(path.t[index] - path.t[begin_index])
@@ -238,6 +245,28 @@ class _TaskProgress:
         # depth unchanged, because they are far below π m.
         return ((self.tasks - self.last_task + np.pi) % (2 * np.pi) - np.pi) / POINT_TOLERANCE
 
+    def target_errors(self, entry: Straight | Free | Follow) -> Array:
+        """Compute the distance of the motion from the target of an entry at all instants.
+
+        An entry may leave the spin open, and a curve along the retina leaves the depth open.
+
+        Parameters
+        ----------
+        entry : Straight, Free or Follow
+            Motion of the problem with its target.
+
+        Returns
+        -------
+        (n, 4) array
+            Errors of the four coordinates, in multiples of `POINT_TOLERANCE`. NaN for an open one.
+        """
+        errors = self.errors(entry.to)
+        for k, attribute in ((2, "spin_free"), (3, "distance")):
+            if getattr(entry, attribute, None):
+                self.last_task[k] = np.nan
+        errors[:, np.isnan(self.last_task)] = np.nan
+        return errors
+
     def first_visit(self, errors: Array, first_index: int) -> tuple[int, float]:
         """Find the first instant at which the motion reaches a point.
 
@@ -304,6 +333,5 @@ class _TaskProgress:
         if has_moved.any():
             rest_index = first_index + int(has_moved.argmax()) - 1
         end_index = int(np.searchsorted(self.t, self.t[first_index] + duration))
-        return float(self.t[rest_index] - self.t[first_index]) + 2 * OMITTED_DWELL_TIME, min(
-            end_index, rest_index
-        )
+        stay = float(self.t[rest_index] - self.t[first_index]) + 2 * OMITTED_DWELL_TIME
+        return stay, min(end_index, rest_index)

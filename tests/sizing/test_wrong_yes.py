@@ -156,7 +156,7 @@ def test_the_joint_decides_on_self_locking(tmp_path: Path, duty: DutyCycle) -> N
         selection = select_motors(duty, read_motors(Path("motors_24v.csv"))[:1], {"roll": [part]})[
             0
         ]
-        names = [check.name for check in selection.of_gear[0]]
+        names = [check.name for check in selection.gear_checks[0]]
         assert ("self_locking" in names) is required
 
 
