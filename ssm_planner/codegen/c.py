@@ -66,7 +66,8 @@ class Argument:
         """
         if self.size == 0:
             return self.name
-        return f"{self.name}[{index if self.positions is None else self.positions[index]}]"
+        position = index if self.positions is None else self.positions[index]
+        return f"{self.name}[{position}]"
 
 
 def write_function(
@@ -128,12 +129,12 @@ def write_function(
             expression = expressions[instruction.name].format(*operands)
             body.append(f"{register_text[instruction.out]} = {expression};")
     # Compilers warn of unused arguments unless the body names them.
-    unused = [f"(void){inputs[i].name};" for i in sorted({*range(len(inputs))} - inputs_read)]
+    unused = [f"(void){item.name};" for i, item in enumerate(inputs) if i not in inputs_read]
     names = [f"w{k}" for k in sorted(registers)] + [f"r{k}" for k in range(len(writes))]
     # A declaration contains at most 12 variables.
     lines = [f"ssm_real {', '.join(names[i : i + 12])};" for i in range(0, len(names), 12)]
-    lines += [*unused, *body, *writes]
-    return "\n".join([declaration, "{", *(f"    {line}" for line in lines), "}", ""])
+    indented = "".join(f"    {line}\n" for line in lines + unused + body + writes)
+    return f"{declaration}\n{{\n{indented}}}\n"
 
 
 def c_literal(value: float) -> str:
@@ -150,8 +151,10 @@ def c_literal(value: float) -> str:
         Constant with as many digits as the shortest text that gives the same double. Negative
         numbers are enclosed in parentheses. Infinity and NaN become the macros of <math.h>.
     """
-    if not math.isfinite(value):
-        return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
-    text = repr(abs(float(value)))
-    text = f"SSM_R({text if any(c in text for c in '.e') else text + '.0'})"
+    if math.isnan(value):
+        return "NAN"
+    # The text of a finite float contains a point or an exponent.
+    text = f"SSM_R({abs(float(value))!r})"
+    if math.isinf(value):
+        text = "INFINITY"
     return f"(-{text})" if math.copysign(1.0, value) < 0 else text

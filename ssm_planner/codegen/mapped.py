@@ -34,10 +34,9 @@ class MappedFunction:
         count : int
             Number n of samples.
         """
-        # Argument 0 is z, so parameter i is argument i + 1.
-        mapped = _map_function(
-            function, count, tuple(i + 1 for i, values in enumerate(parameters) if values.ndim == 1)
-        )
+        # Argument 0 is z, so the parameters are the arguments from 1 on.
+        shared = tuple(i for i, values in enumerate(parameters, start=1) if values.ndim == 1)
+        mapped = _map_function(function, count, shared)
         buffer: Any
         buffer, self._trigger = mapped.buffer()
         self._arguments = [np.empty((count, function.size1_in(0)))]
@@ -126,7 +125,7 @@ def _output_layouts(function: ca.Function) -> list[tuple[tuple[int, int], Indice
     for i in range(function.n_out()):
         rows, columns = function.size_out(i)
         row, column = np.array(function.sparsity_out(i).get_triplet(), dtype=int)
-        outputs.append(
-            ((rows, columns), None if columns == 1 and len(row) == rows else row * columns + column)
-        )
+        is_dense_vector = columns == 1 and len(row) == rows
+        positions = None if is_dense_vector else row * columns + column
+        outputs.append(((rows, columns), positions))
     return outputs

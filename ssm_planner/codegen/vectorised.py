@@ -10,7 +10,7 @@ samples, which is several times faster for many samples. `call` chooses between 
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -146,25 +146,19 @@ def instructions(function: ca.Function) -> Iterator[Instruction]:
             raise NotImplementedError(
                 f"{function.name()}: CasADi operation {operation} is not supported"
             )
+        sources = function.instruction_input(k)
+        targets = function.instruction_output(k)
         if name == "const":
-            yield Instruction(
-                name,
-                function.instruction_output(k)[0],
-                constant=float(function.instruction_constant(k)),
-            )
+            yield Instruction(name, targets[0], constant=float(function.instruction_constant(k)))
         elif name == "input":
-            argument, index = function.instruction_input(k)[:2]
-            yield Instruction(
-                name, function.instruction_output(k)[0], argument=argument, index=index
-            )
+            argument, index = sources[:2]
+            yield Instruction(name, targets[0], argument=argument, index=index)
         elif name == "output":
-            argument, index = function.instruction_output(k)[:2]
-            yield Instruction(
-                name, operands=(function.instruction_input(k)[0],), argument=argument, index=index
-            )
+            argument, index = targets[:2]
+            yield Instruction(name, operands=(sources[0],), argument=argument, index=index)
         else:
-            operands = tuple(function.instruction_input(k)[: OPERATIONS[name].operands])
-            yield Instruction(name, function.instruction_output(k)[0], operands)
+            operands = tuple(sources[: OPERATIONS[name].operands])
+            yield Instruction(name, targets[0], operands)
 
 
 def dense_function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
@@ -191,12 +185,12 @@ def dense_function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.F
 @cache
 def _operation_names() -> dict[int, str]:
     """Return CasADi's names of the operations by its numbers OP_…."""
-    names = ("const", "input", "output", *OPERATIONS)
-    return {
-        getattr(ca, f"OP_{name.upper()}"): name
-        for name in names
-        if hasattr(ca, f"OP_{name.upper()}")
-    }
+    names = {}
+    for name in ["const", "input", "output"] + list(OPERATIONS):
+        number = getattr(ca, f"OP_{name.upper()}", None)
+        if number is not None:
+            names[number] = name
+    return names
 
 
 MIN_VECTORISED_SAMPLES = 200
@@ -274,20 +268,13 @@ class VectorisedFunction:
         self._registers = function.sz_w()
         operations, constants = self._compile(function)
         self._constants = np.array(constants)
-        self._program = [
-            (OPERATIONS[name].numpy, operand, other_operand, result)
-            for name, operand, other_operand, result in operations
-        ]
-        codes = [
-            (
-                NATIVE_OPERATIONS.index(name) if name in NATIVE_OPERATIONS else -1,
-                operand,
-                max(other_operand, 0),
-                result,
-            )
-            for name, operand, other_operand, result in operations
-        ]
-        self._codes = np.array(codes, dtype=np.dtype(ctypes.c_long)).reshape(-1, 4)
+        self._program = []
+        codes = []
+        for name, operand, other_operand, result in operations:
+            self._program.append((OPERATIONS[name].numpy, operand, other_operand, result))
+            code = NATIVE_OPERATIONS.index(name) if name in NATIVE_OPERATIONS else -1
+            codes.append((code, operand, max(other_operand, 0), result))
+        self._codes = np.array(codes, dtype=ctypes.c_long).reshape(-1, 4)
         bounds = np.flatnonzero(np.diff(self._codes[:, 0] < 0)) + 1
         self._parts = []
         """Parts of the program of which either C or NumPy executes all operations.
@@ -295,14 +282,12 @@ class VectorisedFunction:
         A part is a tuple of the indices of its first operation and of the operation after its last
         one, the address of its codes (None if NumPy executes it), and its number of operations.
         """
-        for start, end in pairwise([0, *bounds.tolist(), len(codes)]):
-            code = (
-                ctypes.c_void_p(self._codes[start:].ctypes.data)
-                if self._codes[start, 0] >= 0
-                else None
-            )
-            self._parts.append((start, end, code, ctypes.c_long(end - start)))
-        sizes = self._registers, len(constants), *self.rows_in, *self.rows_out
+        for start, end in pairwise([0] + bounds.tolist() + [len(codes)]):
+            address = None
+            if self._codes[start, 0] >= 0:
+                address = ctypes.c_void_p(self._codes[start:].ctypes.data)
+            self._parts.append((start, end, address, ctypes.c_long(end - start)))
+        sizes = [self._registers, len(constants)] + self.rows_in + self.rows_out
         self._table = np.repeat(np.arange(len(sizes)), sizes)
         self._row = np.concatenate([np.arange(size) for size in sizes])
         """Index of the table, and index of the row in this table, of every slot."""
@@ -344,27 +329,28 @@ class VectorisedFunction:
         cached = _REGISTER_MEMORY.pop() if _REGISTER_MEMORY else np.empty(0)
         memory = cached if len(cached) >= size else np.empty(size)
         work = memory[:size].reshape(self._registers, min(n, SAMPLES_PER_BLOCK))
-        self._run(work, [*(np.asarray(values, dtype=float).T for values in arguments), *results], n)
+        inputs = [np.asarray(values, dtype=float).T for values in arguments]
+        self._run(work, inputs + results, n)
         _REGISTER_MEMORY[:] = [memory]
         return [result.T for result in results]
 
-    def _run(self, work: Array, inputs: list[Array], n: int) -> None:
+    def _run(self, work: Array, data: list[Array], n: int) -> None:
         """Execute all operations for n samples, block by block.
 
         Parameters
         ----------
         work : (registers, samples of a block) array
             Memory of the registers.
-        inputs : list of (k, n) arrays
+        data : list of (k, n) arrays
             Arguments, then results. The operations write to the latter.
         n : int
             Number of samples.
         """
-        tables = [work, self._constants, *inputs]
+        tables = [work, self._constants] + data
         starts = np.array([table.__array_interface__["data"][0] for table in tables])
-        row_bytes, stride_bytes = np.array(
-            [(table.strides[0], table.strides[-1]) for table in tables]
-        ).T
+        # Bytes from one row of a table to the next, and from one sample to the next.
+        row_bytes = np.array([table.strides[0] for table in tables])
+        stride_bytes = np.array([table.strides[-1] for table in tables])
         addresses = starts[self._table] + row_bytes[self._table] * self._row
         stride_bytes[1] = 0  # Constants do not depend on the sample.
         # Bytes, and numbers, from one sample to the next in each slot.
@@ -381,18 +367,19 @@ class VectorisedFunction:
                 samples = ctypes.c_long(count)
                 slots = ctypes.c_void_p(pointers.ctypes.data)
                 # Samples of the block in each table.
-                selections = [slice(count), (), *[slice(start, start + count)] * len(inputs)]
+                selections: list[Any] = [slice(count), ()]
+                selections += [slice(start, start + count)] * len(data)
                 # Memory of the slots that NumPy reads and writes.
                 rows = {}
                 for k in indices:
                     index, row = self._slot_positions[k]
                     rows[k] = tables[index][row][selections[index]]
-                for low, high, code, size in self._parts:
-                    if native is not None and code is not None:
-                        native.ssm_operations(code, slots, sample_strides, size, samples)
+                for low, high, address, size in self._parts:
+                    if native is not None and address is not None:
+                        native.ssm_operations(address, slots, sample_strides, size, samples)
                         continue
                     for operation, *operands in self._program[low:high]:
-                        operation(*(rows[k] for k in operands if k >= 0))
+                        operation(*[rows[k] for k in operands if k >= 0])
 
     def _compile(
         self, function: ca.Function
@@ -420,22 +407,22 @@ class VectorisedFunction:
         ]
         # First slot of each argument and of each result. The last entry of either is the end.
         first_slot = self._registers + len(constants)
-        first_input_slots = first_slot + np.cumsum([0, *self.rows_in])
-        first_output_slots = first_input_slots[-1] + np.cumsum([0, *self.rows_out])
+        first_input_slots = first_slot + np.cumsum([0] + self.rows_in)
+        first_output_slots = first_input_slots[-1] + np.cumsum([0] + self.rows_out)
         slot = list(range(self._registers))
         """Slot that contains the present value of each register."""
         program: list[tuple[str, int, int, int]] = []
         constant_count = 0
         for instruction in sequence:
             # An operation has at most two operands. −1 stands for a missing one.
-            operand, other_operand = (*(slot[k] for k in instruction.operands), -1, -1)[:2]
+            operands = [slot[k] for k in instruction.operands]
+            operand, other_operand = (operands + [-1, -1])[:2]
             if instruction.name == "const":
                 slot[instruction.out] = self._registers + constant_count
                 constant_count += 1
             elif instruction.name == "input":
-                slot[instruction.out] = (
-                    int(first_input_slots[instruction.argument]) + instruction.index
-                )
+                first_input_slot = int(first_input_slots[instruction.argument])
+                slot[instruction.out] = first_input_slot + instruction.index
             elif instruction.name == "output":
                 result = int(first_output_slots[instruction.argument]) + instruction.index
                 program.append(("assign", operand, -1, result))
@@ -503,13 +490,13 @@ def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
     sizes = _input_sizes(function)
     if len(arguments) != len(sizes):
         raise GeometryError(f"{function.name()} takes {len(sizes)} arguments, got {len(arguments)}")
-    samples = np.shape(arguments[0])[0] if np.ndim(arguments[0]) == 2 else -1
+    samples = len(arguments[0]) if np.ndim(arguments[0]) == 2 else -1
     for i, (argument, size) in enumerate(zip(arguments, sizes, strict=True)):
         if np.shape(argument) != (samples, size):
+            count = "" if i == 0 or samples < 0 else f" with n = {samples}"
             raise GeometryError(
                 f"{function.name()}: argument {function.name_in(i)} has shape "
-                f"{np.shape(argument)}, expected (n, {size})"
-                + ("" if i == 0 or samples < 0 else f" with n = {samples}")
+                f"{np.shape(argument)}, expected (n, {size}){count}"
             )
     return samples
 
@@ -578,11 +565,11 @@ class Layout:
         **lengths : int
             Number of entries of each parameter.
         """
-        ends = accumulate(lengths.values(), initial=0)
-        self.slices = {
-            name: slice(*ends_) for name, ends_ in zip(lengths, pairwise(ends), strict=True)
-        }
-        self.size = sum(lengths.values())
+        self.slices = {}
+        self.size = 0
+        for name, length in lengths.items():
+            self.slices[name] = slice(self.size, self.size + length)
+            self.size += length
 
     def pack(self, **values: Any) -> Array:
         """Combine all parameters in one vector.
@@ -603,12 +590,10 @@ class Layout:
             If a name is missing or unknown, or if a value has another number of entries.
         """
         arrays = {name: np.ravel(value) for name, value in values.items()}
-        expected = {name: item.stop - item.start for name, item in self.slices.items()}
-        if {name: item.size for name, item in arrays.items()} != expected:
-            raise GeometryError(
-                f"parameters {expected} expected, got "
-                f"{ {name: p.size for name, p in arrays.items()} }"
-            )
+        lengths = {name: array.size for name, array in arrays.items()}
+        expected = {name: block.stop - block.start for name, block in self.slices.items()}
+        if lengths != expected:
+            raise GeometryError(f"parameters {expected} expected, got {lengths}")
         return np.concatenate([arrays[name] for name in self.slices])
 
     def unpack(self, vector: Any) -> SimpleNamespace:
@@ -624,10 +609,8 @@ class Layout:
         SimpleNamespace
             Each parameter as an attribute, (length,) or (…, length).
         """
-        last_axis = isinstance(vector, np.ndarray)
-        return SimpleNamespace(
-            **{
-                name: vector[..., block] if last_axis else vector[block]
-                for name, block in self.slices.items()
-            }
-        )
+        parameters = SimpleNamespace()
+        for name, block in self.slices.items():
+            value = vector[..., block] if isinstance(vector, np.ndarray) else vector[block]
+            setattr(parameters, name, value)
+        return parameters

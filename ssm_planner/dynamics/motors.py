@@ -119,9 +119,13 @@ def motor_motion(
     effort = np.full(tau.shape, np.nan)
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None:
-            motion = (samples.qd[:, i], samples.qdd[:, i], direction[:, i])
             torque[:, i], effort[:, i] = drive_torque(
-                joint.drive, tau[:, i], *motion, breakaway=breakaway[:, i]
+                joint.drive,
+                tau[:, i],
+                samples.qd[:, i],
+                samples.qdd[:, i],
+                direction[:, i],
+                breakaway=breakaway[:, i],
             )
     return MotorMotion(ratio * samples.q, ratio * samples.qd, ratio * samples.qdd, torque, effort)
 
@@ -154,9 +158,8 @@ def motor_torque_symbolic(
     effort = ca.SX.zeros(4)
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None:
-            motion = (qd[i], qdd[i], direction[i])
             torque[i], effort[i] = drive_torque(
-                joint.drive, tau[i], *motion, breakaway=breakaway[i]
+                joint.drive, tau[i], qd[i], qdd[i], direction[i], breakaway=breakaway[i]
             )
     return tau, torque, effort
 
@@ -225,8 +228,9 @@ def motion_directions(robot: Robot, samples: Samples, side: int) -> tuple[Array,
     direction = []
     breakaway = []
     for i, joint in enumerate(robot.joints):
-        derivatives = (samples.qd[:, i], samples.qdd[:, i], samples.qddd[:, i])
-        sign, starts = joint_direction(joint, *derivatives, side)
+        sign, starts = joint_direction(
+            joint, samples.qd[:, i], samples.qdd[:, i], samples.qddd[:, i], side
+        )
         direction.append(sign)
         breakaway.append(starts)
     return np.stack(direction, axis=1), np.stack(breakaway, axis=1)
@@ -292,11 +296,9 @@ def joint_direction(
     is_at_rest = abs(qd) <= REST_FRACTION * max_velocity
     # Just after or before a rest, the velocity has the sign of ±acceleration. If the acceleration
     # is zero as well, it has the sign of the jerk.
-    jerk_direction = xp.where(
-        abs(qddd) > REST_FRACTION * max_acceleration**2 / max_velocity, xp.sign(qddd), 0.0
-    )
-    rest_direction = xp.where(
-        abs(qdd) > REST_FRACTION * max_acceleration, side * xp.sign(qdd), jerk_direction
-    )
+    has_jerk = abs(qddd) > REST_FRACTION * max_acceleration**2 / max_velocity
+    accelerates = abs(qdd) > REST_FRACTION * max_acceleration
+    jerk_direction = xp.where(has_jerk, xp.sign(qddd), 0.0)
+    rest_direction = xp.where(accelerates, side * xp.sign(qdd), jerk_direction)
     direction = xp.where(is_at_rest, rest_direction, xp.sign(qd))
     return direction, xp.where(is_at_rest, (direction != 0) * (side > 0), False)

@@ -129,19 +129,19 @@ def axis_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
         plane.
     """
     axis_1, axis_2, axis_3 = [np.asarray(omega) / np.linalg.norm(omega) for omega in omegas]
-    angles = [
-        float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-        for a, b in ((axis_1, axis_2), (axis_2, axis_3))
-    ]
+    angles = []
+    for axis, next_axis in ((axis_1, axis_2), (axis_2, axis_3)):
+        sine = np.linalg.norm(np.cross(axis, next_axis))
+        angles.append(float(np.arctan2(sine, axis @ next_axis)))
     x = axis_2 - axis_1 * (axis_1 @ axis_2)
     x /= np.linalg.norm(x)
     base = np.column_stack([x, np.cross(axis_1, x), axis_1])
-    axis = np.array([0.0, 1.0, 0.0])
-    frame = base @ rotation(axis, angles[0])
+    y_axis = np.array([0.0, 1.0, 0.0])
+    frame = base @ rotation(y_axis, angles[0])
     components = frame.T @ axis_3
     offset = float(np.arctan2(components[1], components[0]))
     elbow = frame @ rotation(np.array([0.0, 0.0, 1.0]), offset)
-    return np.stack([base, base, elbow, elbow @ rotation(axis, angles[1])]), angles, offset
+    return np.stack([base, base, elbow, elbow @ rotation(y_axis, angles[1])]), angles, offset
 
 
 def load_parameters(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:

@@ -148,7 +148,8 @@ class FrictionSpread:
         dict of (sets,) arrays
             Values by parameter.
         """
-        deviations = self.deviations(1000 if self.posterior is None else len(self.posterior.draws))
+        count = 1000 if self.posterior is None else len(self.posterior.draws)
+        deviations = self.deviations(count)
         if self.names:
             scaled = deviations / np.where(self.sigma > 0, self.sigma, 1.0)
             inverse = np.linalg.pinv(np.atleast_2d(np.cov(scaled, rowvar=False)), 1e-9)
@@ -293,11 +294,12 @@ def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array
         raise _covariance_error(
             drive, f"{unknown[0]} is not a parameter", allowed=", ".join(UNCERTAIN_PARAMETERS)
         )
-    try:
-        rows = [[table[a][b] for b in names] for a in names]
-    except KeyError as error:
-        raise _covariance_error(drive, f"it lacks the entry of {error.args[0]} in a row") from None
-    covariance = np.array(rows).reshape(len(names), len(names))
+    covariance = np.empty((len(names), len(names)))
+    for i, row in enumerate(table.values()):
+        for j, name in enumerate(names):
+            if name not in row:
+                raise _covariance_error(drive, f"it lacks the entry of {name} in a row")
+            covariance[i, j] = row[name]
     _check_covariance(drive, names, covariance)
     return covariance
 
@@ -357,8 +359,9 @@ def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
     friction = required_friction(drive)
     if name == LAW_COLUMN:
         return float(FRICTION_LAWS.index(friction.law))
-    is_unused = name == "stribeck_speed" and friction.stribeck_speed is None
-    return float(np.median(posterior.column(name))) if is_unused else _parameter_value(drive, name)
+    if name == "stribeck_speed" and friction.stribeck_speed is None:
+        return float(np.median(posterior.column(name)))
+    return _parameter_value(drive, name)
 
 
 def _parameter_value(drive: Drive, name: str) -> float:

@@ -19,7 +19,7 @@ and derivatives.c evaluates their values and derivatives.
 """
 
 import ctypes
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -32,6 +32,24 @@ _Values = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P, _P)
 _Derivatives = ctypes.CFUNCTYPE(ctypes.c_int, *[_P] * 4, ctypes.POINTER(_P))
 
 
+def c_fields(c_type: Any, names: str) -> list[tuple[str, Any]]:
+    """Describe fields of a C struct that have the same type.
+
+    Parameters
+    ----------
+    c_type : ctypes type
+        Type of the fields.
+    names : str
+        Names of the fields in their order, separated by spaces.
+
+    Returns
+    -------
+    list of (str, ctypes type)
+        Name and type of each field, as `ctypes.Structure` expects them.
+    """
+    return [(name, c_type) for name in names.split()]
+
+
 class ElementGroup(ctypes.Structure):
     """C functions that evaluate the rows G and the cost L of several elements.
 
@@ -39,8 +57,10 @@ class ElementGroup(ctypes.Structure):
     """
 
     _fields_ = (
-        *(("context", _P), ("size_z", _L), ("rows", _L), ("costs", _L), ("count", _L)),
-        *(("values_of", _Values), ("derivatives_of", _Derivatives)),
+        c_fields(_P, "context")
+        + c_fields(_L, "size_z rows costs count")
+        + c_fields(_Values, "values_of")
+        + c_fields(_Derivatives, "derivatives_of")
     )
 
     @classmethod

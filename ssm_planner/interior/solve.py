@@ -9,10 +9,11 @@ package was built without a C compiler, only Ipopt solves programs.
 """
 
 import ctypes
+from typing import Any
 
 import numpy as np
 
-from ssm_planner.interior.problem import ElementGroup, Point, Program
+from ssm_planner.interior.problem import ElementGroup, Point, Program, c_fields
 from ssm_planner.native import library
 from ssm_planner.typing import Array, record
 
@@ -147,51 +148,42 @@ _D = ctypes.c_double
 class _Group(ctypes.Structure):
     """A `RowGroup` in C: the struct of this name in native/interior.h."""
 
-    _fields_ = (("functions", ElementGroup), ("elements", _P), ("bound", _P), ("cost_weight", _D))
+    _fields_ = (
+        c_fields(ElementGroup, "functions")
+        + c_fields(_P, "elements bound")
+        + c_fields(_D, "cost_weight")
+    )
 
 
 class _Program(ctypes.Structure):
     """A `Program` in C: the struct of this name in native/interior.h."""
 
     _fields_ = (
-        *((name, _L) for name in ("kind", "coordinates", "elements", "blocks", "linear_rows")),
-        *(
-            ("fractions", _P),
-            ("block", _P),
-            ("stretched_from", _D),
-            ("matrix", _P),
-            ("bound", _P),
-            ("free", _P),
-        ),
-        *(("equal_count", _L), ("equal_at", _P), ("equal_entry", _P), ("equal_value", _P)),
-        *(("least_times", _P), ("smoothing", _P)),
-        *((name, _D) for name in ("low", "high", "time_weight", "even")),
-        *(("group_count", _L), ("groups", _P)),
+        c_fields(_L, "kind coordinates elements blocks linear_rows")
+        + c_fields(_P, "fractions block")
+        + c_fields(_D, "stretched_from")
+        + c_fields(_P, "matrix bound free")
+        + c_fields(_L, "equal_count")
+        + c_fields(_P, "equal_at equal_entry equal_value least_times smoothing")
+        + c_fields(_D, "low high time_weight even")
+        + c_fields(_L, "group_count")
+        + c_fields(_P, "groups")
     )
 
 
 class _Options(ctypes.Structure):
     """The options of a solve in C: the struct `Patience` in native/interior.h."""
 
-    _fields_ = (
-        ("iterations", _L),
-        ("tolerance", _D),
-        ("superlinear", _D),
-        ("barrier", _D),
-        ("off_centre", _D),
-    )
+    _fields_ = c_fields(_L, "iterations") + c_fields(_D, "tolerance superlinear barrier off_centre")
 
 
 class _State(ctypes.Structure):
     """A `State` and further results in C: the struct `State` in native/interior.h."""
 
     _fields_ = (
-        *(
-            (name, _P)
-            for name in ("c", "times", "slacks", "multipliers", "equality_multipliers", "z")
-        ),
-        ("objective", _D),
-        ("iterations", _L),
+        c_fields(_P, "c times slacks multipliers equality_multipliers z")
+        + c_fields(_D, "objective")
+        + c_fields(_L, "iterations")
     )
 
 
@@ -206,92 +198,56 @@ class _NativeProgram:
         program : Program
             The program. This object keeps the memory of all its arrays alive.
         """
-        self._kept: list[object] = []
-        groups = (_Group * len(program.groups))(
-            *(
-                _Group(
-                    group.native.group,
-                    self._longs(group.elements),
-                    self._doubles(group.bound),
-                    group.cost_weight,
-                )
-                for group in program.groups
-            )
-        )
-        self._kept += [program, groups]
+        groups = (_Group * len(program.groups))()
+        self._memory: list[object] = [program, groups]
+        for k, group in enumerate(program.groups):
+            elements = self._address(group.elements, ctypes.c_long)
+            bound = self._address(group.bound)
+            groups[k] = _Group(group.native.group, elements, bound, group.cost_weight)
         spline = program.spline
         element, entry, value = program.equal
+        low, high = program.duration
         self.program = _Program(
             kind=("hermite", "bspline").index(spline.kind),
             coordinates=spline.coordinates,
             elements=spline.elements,
             blocks=spline.blocks,
             linear_rows=len(program.matrix),
-            fractions=self._doubles(spline.fractions),
-            block=self._longs(spline.block),
+            fractions=self._address(spline.fractions),
+            block=self._address(spline.block, ctypes.c_long),
             stretched_from=spline.stretched_from or 0.0,
-            matrix=self._doubles(program.matrix),
-            bound=self._doubles(program.bound),
-            free=self._keep(program.free, np.uint8),
+            matrix=self._address(program.matrix),
+            bound=self._address(program.bound),
+            free=self._address(program.free, np.uint8),
             equal_count=len(value),
-            equal_at=self._longs(element),
-            equal_entry=self._longs(entry),
-            equal_value=self._doubles(value),
-            least_times=self._doubles(program.least_times),
-            smoothing=self._doubles(program.smoothing),
-            low=program.duration[0],
-            high=program.duration[1],
+            equal_at=self._address(element, ctypes.c_long),
+            equal_entry=self._address(entry, ctypes.c_long),
+            equal_value=self._address(value),
+            least_times=self._address(program.least_times),
+            smoothing=self._address(program.smoothing),
+            low=low,
+            high=high,
             time_weight=program.time_weight,
             even=program.block_variance_weight,
             group_count=len(groups),
             groups=ctypes.addressof(groups),
         )
 
-    def _doubles(self, values: object) -> int:
-        """Store values as an array of C doubles that stays alive, and return its address.
+    def _address(self, values: Any, dtype: Any = float) -> int:
+        """Store values as a contiguous array in `_memory`, and return its address.
 
         Parameters
         ----------
         values : array-like
             Numbers of any shape. They are only copied if they are not such an array yet.
-
-        Returns
-        -------
-        int
-            Address of the first number.
-        """
-        return self._keep(values, float)
-
-    def _longs(self, values: object) -> int:
-        """Store values as an array of C longs that stays alive, and return its address.
-
-        Parameters
-        ----------
-        values : array-like
-            Whole numbers of any shape. They are only copied if they are not such an array yet.
-
-        Returns
-        -------
-        int
-            Address of the first number.
-        """
-        return self._keep(values, np.dtype(ctypes.c_long))
-
-    def _keep(self, values: object, dtype: object) -> int:
-        """Store values as a contiguous array in `_kept`, and return its address.
-
-        Parameters
-        ----------
-        values : array-like
-            Numbers of any shape. They are only copied if they are not such an array yet.
-        dtype : dtype
-            Type of the entries in C.
+        dtype : dtype or ctypes type
+            Type of the entries in C. The default is double.
 
         Returns
         -------
         int
             Address of the first entry.
         """
-        array = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[call-overload]
-        self._kept.append(array)
+        array = np.ascontiguousarray(values, dtype=dtype)
+        self._memory.append(array)
         return array.ctypes.data

@@ -15,7 +15,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import JUMP_DRIFT_RATE, JUMP_TOLERANCE
-from ssm_planner.verification.pieces import PieceBlock
+from ssm_planner.verification.pieces import PieceBlock, jerk_limits
 
 # Limits with the same values occur in every check of a robot, so they are built once.
 _cached_jump_limit = lru_cache(maxsize=256)(Jump)
@@ -51,7 +51,7 @@ class JumpRecorder:
         acceleration = robot.accelerations
         # Without a jerk limit, jumps of the acceleration may add up to any value. The large number
         # replaces infinity, which would give NaN if it is multiplied by a time of 0.
-        jerk = np.array([1e100 if joint.jerk is None else joint.jerk for joint in robot.joints])
+        jerk = np.minimum(jerk_limits(robot), 1e100)
         self._tolerance = JUMP_TOLERANCE * np.array([np.ones(4), velocity, acceleration])
         self._tolerated_drift = JUMP_DRIFT_RATE * np.array([velocity, acceleration, jerk])
         self._previous_sum = np.zeros((3, 4))

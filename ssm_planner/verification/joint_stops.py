@@ -24,7 +24,7 @@ from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.trajectory import DEGREE, Samples, Trajectory
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.limits import WorstValue, limited_quantities
-from ssm_planner.verification.pieces import rest_speeds
+from ssm_planner.verification.pieces import jerk_limits, rest_speeds
 from ssm_planner.verification.sampled_extremes import SampledExtremes
 
 STOP_VARIANTS = ((0.999, False), (0.999, True), (0.5, False), (0.5, True), (0.25, True))
@@ -187,7 +187,7 @@ def _stops_from_states(
     list of n StopPieces
         Durations (m,) in s and coefficients (m, 6, 4) of the pieces of each stop.
     """
-    jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
+    jerk = jerk_limits(robot)
     rests = (np.abs(states.qd) <= rest_speeds(robot)) & (states.qdd == 0.0)
     velocity = np.where(rests, 0.0, states.qd)
     side = np.sign(velocity + states.qdd * np.abs(states.qdd) / (2 * jerk))

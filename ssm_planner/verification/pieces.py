@@ -249,6 +249,22 @@ def rest_speeds(robot: Robot) -> Array:
     return robot.velocities * REST_FRACTION
 
 
+def jerk_limits(robot: Robot) -> Array:
+    """Return the largest jerks of the joints, which are infinite without a limit.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with the limits of its joints.
+
+    Returns
+    -------
+    (4,) array
+        Largest jerks, rad/s³, and m/s³ for joint 4.
+    """
+    return np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
+
+
 def _evaluate_polynomials(powers: Array, s: Array, result: Array | None = None) -> Array:
     """Evaluate the polynomials Σ_k powers[:, k] s^k of four joints by Horner's rule.
 

@@ -31,6 +31,7 @@ from ssm_planner.problem import Drive, JointAcceleration, MotorTorque, Robot, Ta
 from ssm_planner.trajectory import PIECES_PER_BLOCK, Trajectory, blocks
 from ssm_planner.typing import Array, Mask
 from ssm_planner.verification.certificate import ROUNDING_TOLERANCE, LimitCheck, Unjudged
+from ssm_planner.verification.pieces import jerk_limits
 
 WINDOW_WIDTHS = (64, 16, 4, 1)
 """Numbers of rows from the first row of a window to its middle one, and from there to its last one.
@@ -218,8 +219,7 @@ def _window_bounds(
     qd = (q[2] - q[0]) / span
     qd_error = np.where(at_rest, 0.0, largest_qdd * span / 2 + 2 * resolution / span)
     q_error = (np.abs(qd) + qd_error) * np.maximum(first_gap, last_gap) + resolution
-    jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
-    deviation = error + jerk * span
+    deviation = error + jerk_limits(robot) * span
     lowest_qdd = np.clip(mean - deviation, -largest_qdd, largest_qdd) * ~at_rest
     highest_qdd = np.clip(mean + deviation, -largest_qdd, largest_qdd) * ~at_rest
     body = RigidBody.from_robot(robot)
