@@ -145,23 +145,19 @@ def align_axis(
         both_rest = not planned_speed.any() and not measured.any()
         return Alignment(float(time[0]), correlation=1.0 if both_rest else 0.0)
     threshold = END_SPEED_RATIO * np.abs(planned_speed).max()
-    moves = np.flatnonzero(np.abs(measured) > threshold)
-    stop = int(moves[-1]) + 2 if len(moves) else len(time)
-    # These slices end one sample after the motion.
+    first, stop = _motion_samples(measured, threshold)
     coarse = match_speed(planned_time, planned_speed, time[:stop], measured[:stop])
     # Samples of a long rest do not contribute. Means of `step` other samples contain less noise.
     end = coarse.delay + planned_time[-1]
     margin = MAX_SPEED_DEVIATION * planned_time[-1]
     start_index, end_index = np.searchsorted(time, [coarse.delay - margin, end + margin])
-    if len(moves):
-        start_index = min(start_index, moves[0])
+    start_index = min(start_index, first)
     end_index = min(max(end_index, stop), len(time))
     step = max(1, (end_index - start_index) // ALIGNMENT_SAMPLES)
     used = slice(start_index, end_index - (end_index - start_index) % step)
     t = time[used].reshape(-1, step).mean(axis=1)
     w = measured[used].reshape(-1, step).mean(axis=1)
-    moves = np.flatnonzero(np.abs(w) > threshold)
-    stop = int(moves[-1]) + 2 if len(moves) else len(w)
+    _, stop = _motion_samples(w, threshold)
     delay, rate, size, errors, middle = _refine_alignment(
         coarse.delay, planned_time, planned_speed, t[:stop], w[:stop]
     )
@@ -178,6 +174,28 @@ def align_axis(
         agreement=speed_correlation(expected[:stop], w[:stop]),
         middle=middle,
     )
+
+
+def _motion_samples(speed: Array, threshold: float) -> tuple[int, int]:
+    """Find the samples between which an axis moves.
+
+    Parameters
+    ----------
+    speed : (n,) array
+        Measured speed.
+    threshold : float
+        Speed above which the axis moves, in the unit of the speed.
+
+    Returns
+    -------
+    first, stop : int
+        Index of the first moving sample, and end of a slice with one sample after the last moving
+        one. Both are n if the axis rests.
+    """
+    moving = np.flatnonzero(np.abs(speed) > threshold)
+    if not len(moving):
+        return len(speed), len(speed)
+    return int(moving[0]), int(moving[-1]) + 2
 
 
 def estimate_speed(

@@ -127,10 +127,9 @@ class AxisComparison:
 
     def to_dict(self) -> JsonObject:
         """Return an entry of `axes` in the output of `compare --json`, in SI units."""
-        statistics = {
-            key: {name: getattr(item, key) for name, item in self.differences.items()}
-            for key in ("nrmsd", "rms", "largest")
-        }
+        statistics: JsonObject = {}
+        for key in ("nrmsd", "rms", "largest"):
+            statistics[key] = {name: getattr(item, key) for name, item in self.differences.items()}
         return {
             **get_attributes(self, ("joint", "recording", "covered", "verdict", "visible")),
             **get_attributes(self.alignment, ("delay", "correlation")),
@@ -265,12 +264,12 @@ def compare(
         text = f"no recording of {', '.join(missing)}, which the plan moves"
         findings.append(Finding("missing recording", "cannot tell", text, len(missing), 0))
     comparisons = [_compare_axis(axis, plans, margins, lag) for axis in axes]
-    judged_limits = {(limit.name, axis.joint) for axis in comparisons for limit in axis.limits}
-    unjudged = (
-        f"{check.name} {check.joint or ''}".strip()
-        for check in (certificate.limits if certificate else ())
-        if (check.name, check.joint) not in judged_limits
-    )
+    unjudged = []
+    if certificate is not None:
+        judged_limits = {(limit.name, axis.joint) for axis in comparisons for limit in axis.limits}
+        for check in certificate.limits:
+            if (check.name, check.joint) not in judged_limits:
+                unjudged.append(f"{check.name} {check.joint or ''}".strip())
     return Comparison(
         tuple(comparisons),
         clock,

@@ -257,12 +257,9 @@ class AlignedAxis:
         a speed that is wrong by half of its resolution.
         """
         duration = float(self.t[-1] - self.t[0])
-        noise = (
-            SIGNIFICANT_DEVIATIONS
-            * self.speed_noise
-            * (self.step * duration) ** 0.5
-            / self.plan.ratio
-        )
+        # The noise of single samples adds up like a random walk.
+        root = (self.step * duration) ** 0.5
+        noise = SIGNIFICANT_DEVIATIONS * self.speed_noise * root / self.plan.ratio
         offset = self.measured.speed_resolution / 2 * self.plan.duration / self.plan.ratio
         return noise, noise + offset
 
@@ -283,14 +280,16 @@ class AlignedAxis:
         The entries are "duration" (s), "position" of the joint (rad or m), and "speed" (rad/s) and
         "torque" (N·m) of the motor.
         """
+        _, durations = self.intervals
+        speed_noise = SIGNIFICANT_SAMPLE_DEVIATIONS * self.sigma
         resolution = self.measured.torque_resolution
-        torque = estimate_noise(self.torque_error[self.moving], 1, resolution)
+        torque_sigma = estimate_noise(self.torque_error[self.moving], 1, resolution)
+        torque_noise = SIGNIFICANT_SAMPLE_DEVIATIONS * torque_sigma
         return {
-            "duration": float(self.intervals[1].max(initial=self.step)),
+            "duration": float(durations.max(initial=self.step)),
             "position": position_noise(self),
-            "speed": SIGNIFICANT_SAMPLE_DEVIATIONS * self.sigma
-            + self.measured.speed_resolution / 2,
-            "torque": SIGNIFICANT_SAMPLE_DEVIATIONS * torque + resolution / 2,
+            "speed": speed_noise + self.measured.speed_resolution / 2,
+            "torque": torque_noise + resolution / 2,
         }
 
     def interpolate_plan(self, values: Array) -> Array:
@@ -826,19 +825,16 @@ def check_limits(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Ke
         motor, if any, and the acceleration of the joint.
     """
     joint = axis.plan.joint
-    measured = axis.measured
-    speed = measured.w, axis.speed_error, measured.speed_resolution
-    torque = measured.tau, axis.torque_error, measured.torque_resolution
-    limits = [
-        check_position_limit(axis),
-        check_channel_limit(axis, JointVelocity, *speed, ratio=axis.plan.ratio),
-    ]
+    limits = [check_position_limit(axis), check_channel_limit(axis, JointVelocity)]
     if joint.motor is not None:
-        limits.append(check_channel_limit(axis, MotorSpeed, *speed))
-        limits.append(check_channel_limit(axis, MotorTorque, *torque))
+        limits.append(check_channel_limit(axis, MotorSpeed))
+        limits.append(check_channel_limit(axis, MotorTorque))
     limits.append(check_acceleration_limit(axis))
-    checks = () if certificate is None else certificate.limits
-    margins = {check.name: check.margin for check in checks if check.joint == joint.name}
+    margins = {}
+    if certificate is not None:
+        for check in certificate.limits:
+            if check.joint == joint.name:
+                margins[check.name] = check.margin
     return tuple(replace(limit, planned_margin=margins.get(limit.name)) for limit in limits)
 
 
@@ -864,16 +860,8 @@ def check_position_limit(axis: AlignedAxis) -> Kept:
     return _limit_result(position, bound, value, float(distance[k]), noise=position_noise(axis))
 
 
-def check_channel_limit(
-    axis: AlignedAxis,
-    limit_type: type[JointLimit],
-    values: Array,
-    departure: Array,
-    resolution: float,
-    *,
-    ratio: float = 1.0,
-) -> Kept:
-    """Compare the speed or the torque of a motor, divided by a ratio, with its limit.
+def check_channel_limit(axis: AlignedAxis, limit_type: type[JointLimit]) -> Kept:
+    """Compare the measured speed or torque of a motor with a limit of the motor or the joint.
 
     The result is that of the window in which the channel exceeds the limit most. A fast oscillation
     looks like noise. If no window exceeds the limit, but the noise of a single sample can hide that
@@ -884,31 +872,31 @@ def check_channel_limit(
     axis : AlignedAxis
         Recording and plan of the axis.
     limit_type : type
-        Type of the limit.
-    values : (n,) array
-        Measured values of the channel.
-    departure : (n,) array
-        Differences between the measured and the planned values, which determine the noise.
-    resolution : float
-        Resolution of the channel, in the unit of the values.
-    ratio : float
-        Divisor that converts the channel into the unit of the limit.
+        Type of the limit: `JointVelocity`, `MotorSpeed` or `MotorTorque`.
 
     Returns
     -------
     Kept
         Result of the selected window.
     """
+    # Measured values, their differences from the plan, and the resolution of the channel
+    values = axis.measured.w
+    departure = axis.speed_error
+    resolution = axis.measured.speed_resolution
+    if limit_type is MotorTorque:
+        values = axis.measured.tau
+        departure = axis.torque_error
+        resolution = axis.measured.torque_resolution
+    # The channel contains the speed of the motor, also for the limit of the joint.
+    ratio = axis.plan.ratio if limit_type is JointVelocity else 1.0
     limit = axis.plan.joint.limit(limit_type)
     bound = limit.largest
     candidates = []
     for n, deviations in averaging_windows(axis.step):
         if len(values) >= n:
+            sigma = estimate_noise(departure[axis.moving], n, resolution)
             # Rounding shifts a mean by up to half of the resolution if the noise is small.
-            spread = (
-                deviations * estimate_noise(departure[axis.moving], n, resolution) + resolution / 2
-            )
-            noise = spread / ratio
+            noise = (deviations * sigma + resolution / 2) / ratio
             value = largest_magnitude(moving_means(values, n)) / ratio
             candidates.append((value - noise, value, noise, n * axis.step if n > 1 else 0.0))
     result = max(candidates)  # the candidate that certainly exceeds the limit most
@@ -943,9 +931,9 @@ def check_acceleration_limit(axis: AlignedAxis) -> Kept:
     time = moving_means(axis.t, n)
     accelerations = (speed[n:] - speed[:-n]) / (time[n:] - time[:-n])
     value = float(np.abs(accelerations).max(initial=0.0))
-    change = (
-        SIGNIFICANT_DEVIATIONS * axis.speed_noise * (2 / n) ** 0.5 + axis.measured.speed_resolution
-    )
+    # The difference of two means of n samples has √(2/n) times the noise of a sample.
+    change = SIGNIFICANT_DEVIATIONS * axis.speed_noise * (2 / n) ** 0.5
+    change += axis.measured.speed_resolution
     window = n * axis.step
     return _limit_result(
         limit,

@@ -77,9 +77,11 @@ def estimate_noise(departure: Array, n: int, resolution: float) -> float:
     mean = moving_means(departure, n)
     rounding = resolution / np.sqrt(12.0 * n)
     if len(mean) <= 2 * n:
+        # The recording is too short for differences at this distance.
         return float(rounding) if n == 1 else estimate_noise(departure, 1, resolution) / np.sqrt(n)
     differences = mean[2 * n :] - 2 * mean[n:-n] + mean[: -2 * n]
-    return float(max(_SIGMA_PER_MEDIAN * np.median(np.abs(differences)) / np.sqrt(6.0), rounding))
+    sigma = _SIGMA_PER_MEDIAN * np.median(np.abs(differences)) / np.sqrt(6.0)
+    return float(max(sigma, rounding))
 
 
 def averaging_windows(step: float) -> list[tuple[int, float]]:
@@ -121,5 +123,9 @@ def longest_run(flags: Mask, time: Array) -> tuple[int, int, float]:
     duration : float
         Duration of the run, s. All three results are 0 if no value is true.
     """
-    candidates = [(a, b - 1, float(time[b - 1] - time[a])) for a, b in true_runs(flags)]
-    return max(candidates, key=lambda run: run[2], default=(0, 0, 0.0))
+    longest = (0, 0, -1.0)
+    for first, stop in true_runs(flags):
+        duration = float(time[stop - 1] - time[first])
+        if duration > longest[2]:
+            longest = (first, stop - 1, duration)
+    return longest if flags.any() else (0, 0, 0.0)

@@ -152,15 +152,10 @@ def _posterior_band(
     friction = required_friction(drive)
     if friction.posterior is None:
         return None
-    parameters = {
-        name: column[:, None]
-        for name, column in friction.posterior.values().items()
-        if name != LOAD_OFFSET
-    }
+    parameters = {name: column[:, None] for name, column in friction.posterior.values().items()}
+    parameters.pop(LOAD_OFFSET, None)
     sampled_drive = drive_with_values(drive, parameters)
     torque, _ = drive_torque(sampled_drive, rigid, qd, qdd, direction, breakaway=breakaway)
     low, high = np.quantile(torque, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
-    return (
-        low - SCATTER_DEVIATIONS * friction.posterior.scatter,
-        high + SCATTER_DEVIATIONS * friction.posterior.scatter,
-    )
+    scatter = SCATTER_DEVIATIONS * friction.posterior.scatter
+    return low - scatter, high + scatter

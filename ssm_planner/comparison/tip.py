@@ -46,12 +46,11 @@ class MeasuredTipError:
 
     def to_dict(self) -> JsonObject:
         """Return the entry `tip_error` of `compare --json`, in SI units and rad."""
-        measured = get_attributes(self, ("largest", "angle", "total"))
-        return {
-            **(dict.fromkeys(measured) if self.missing else measured),
-            "unseen": self.unseen.bound,
-            "missing": [*self.missing, *self.unseen.missing],
-        }
+        errors = get_attributes(self, ("largest", "angle", "total"))
+        if self.missing:
+            errors = dict.fromkeys(errors)
+        missing = self.missing + self.unseen.missing
+        return {**errors, "unseen": self.unseen.bound, "missing": list(missing)}
 
 
 def measured_tip_error(
@@ -87,11 +86,15 @@ def measured_tip_error(
         joints[i] = replace(joints[i], tracking_error=0.0)
     expected = fk(robot, planned)
     actual = fk(robot, measured)
+    distances = np.linalg.norm(actual.position - expected.position, axis=1)
+    angles = angle_between(actual.rotation, expected.rotation)
+    missing = [f"{name}: no recording" for name in unrecorded]
+    missing += _missing_data(axes)
     return MeasuredTipError(
-        float(np.linalg.norm(actual.position - expected.position, axis=1).max()),
-        float(angle_between(actual.rotation, expected.rotation).max()),
+        float(distances.max()),
+        float(angles.max()),
         tip_error(trajectory, unchecked_copy(robot, joints=tuple(joints))),
-        missing=(*(f"{name}: no recording" for name in unrecorded), *_missing_data(axes)),
+        missing=tuple(missing),
     )
 
 

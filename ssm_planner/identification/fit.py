@@ -19,7 +19,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics import RANDOM_SEED, nut_contact_force, output_effort, required_friction
+from ssm_planner.dynamics import (
+    RANDOM_SEED,
+    friction_coefficient,
+    nut_contact_force,
+    output_effort,
+    required_friction,
+)
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import (
     CHANGE,
@@ -29,7 +35,6 @@ from ssm_planner.identification.parameters import (
     map_torque,
     parameter_names,
     smallest_locking_mu,
-    zero_speed_coefficient,
 )
 from ssm_planner.identification.posterior import (
     MapModel,
@@ -825,7 +830,7 @@ def _identified_drive(
     drive = drive_with_parameters(model.drive, model.law, {**model.fixed, **values})
     friction = replace(
         required_friction(drive),
-        mu_static=zero_speed_coefficient(drive),
+        mu_static=float(friction_coefficient(required_friction(drive), 0.0)),
         identified_speed=largest_magnitude(model.w),
         covariance=None,
         posterior=posterior,

@@ -8,7 +8,6 @@ Stribeck laws extend by mu_stribeck and stribeck_speed. The preload of a nut may
 from collections.abc import Mapping
 from typing import cast
 
-from ssm_planner.dynamics import friction_coefficient, required_friction
 from ssm_planner.dynamics.transmission import motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem import (
@@ -139,21 +138,3 @@ def smallest_locking_mu(drive: Drive) -> float:
         return 0.0
     margin, *_ = self_locking_margin(drive, 0.0)
     return _LOCKING_MU_FACTOR * float(-margin)
-
-
-def zero_speed_coefficient(drive: Drive) -> float:
-    """Compute the limit of the friction coefficient of a moving drive as its speed tends to 0.
-
-    The static coefficient cannot be smaller.
-
-    Parameters
-    ----------
-    drive : Drive
-        Drive with its friction.
-
-    Returns
-    -------
-    float
-        Friction coefficient (dimensionless).
-    """
-    return float(friction_coefficient(required_friction(drive), 0.0))

@@ -149,13 +149,17 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
     GeometryError
         If the branch is neither +1 nor −1.
     """
+    if branch not in (1, -1):
+        raise GeometryError(
+            f"branch = {branch!r}: must be 1 or -1, the sign of sin(theta2 - delta)"
+        )
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     half = np.clip(np.abs(np.asarray(tilt, dtype=float)), low, high) / 2.0
     cosine2, sine2 = elbow_half_angle_squares(
         NUMPY, mechanism.alpha, mechanism.beta, np.cos(half), np.sin(half)
     )
     x = 2.0 * np.arctan2(np.sqrt(np.maximum(sine2, 0.0)), np.sqrt(np.maximum(cosine2, 0.0)))
-    return mechanism.delta + check_branch(branch) * x
+    return mechanism.delta + branch * x
 
 
 def magnitude_range(name: str, tilt_range: Range) -> Range:
@@ -188,31 +192,6 @@ def magnitude_range(name: str, tilt_range: Range) -> Range:
         )
     smallest = 0.0 if low < 0.0 < high else min(abs(low), abs(high))
     return smallest, max(abs(low), abs(high))
-
-
-def check_branch(branch: int) -> int:
-    """Check a branch of the inverse kinematics, and return it unchanged.
-
-    Parameters
-    ----------
-    branch : int
-        Sign of sin(θ2 − δ), +1 or −1.
-
-    Returns
-    -------
-    int
-        The branch.
-
-    Raises
-    ------
-    GeometryError
-        If the branch is neither +1 nor −1.
-    """
-    if branch not in (1, -1):
-        raise GeometryError(
-            f"branch = {branch!r}: must be 1 or -1, the sign of sin(theta2 - delta)"
-        )
-    return branch
 
 
 def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:

@@ -186,13 +186,8 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
     omega = 2.0 * math.pi * bandwidth
     # The gain falls to 1 at a frequency in this range around the bandwidth.
     s = 1j * omega * np.geomspace(0.3, 10.0, 2000)
-    derivative = (
-        2.0
-        * LOOP_DAMPING_RATIO
-        * omega
-        * s
-        / (1.0 + 2.0 * LOOP_DAMPING_RATIO / (DERIVATIVE_FILTER * omega) * s)
-    )
+    filtered = 1.0 + 2.0 * LOOP_DAMPING_RATIO / (DERIVATIVE_FILTER * omega) * s
+    derivative = 2.0 * LOOP_DAMPING_RATIO * omega * s / filtered
     gain = omega**2 + derivative + INTEGRAL_GAIN_RATIO * omega**3 / s
     delay = np.exp(-s * period / 2.0) / (1.0 + lag * s)
     loop = gain / s**2 * delay
@@ -328,9 +323,8 @@ def advance_loops(
     """
     current, integral, derivative = ca.vertsplit(previous)
     filter_time = gains.d / (DERIVATIVE_FILTER * gains.p) if gains.p > 0 else period
-    derivative = (filter_time * derivative + gains.d * (error[0] - error[1])) / (
-        filter_time + period
-    )
+    error_change = error[0] - error[1]
+    derivative = (filter_time * derivative + gains.d * error_change) / (filter_time + period)
     demanded = gains.p * error[0] + integral + derivative + feedforward
     low, high = current_range(electrics, w)
     limited = ca.fmin(ca.fmax(demanded, low), high)

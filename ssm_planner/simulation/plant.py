@@ -11,7 +11,6 @@ The integrator takes midpoint steps in CasADi. It sums up the energies, so that 
 checked.
 """
 
-import copy
 import math
 from collections.abc import Sequence
 from dataclasses import field
@@ -21,9 +20,9 @@ import numpy as np
 
 from ssm_planner.dynamics import RigidBody, required_friction
 from ssm_planner.errors import GeometryError
-from ssm_planner.problem import Drive, Robot
+from ssm_planner.problem import Drive, Robot, unchecked_copy
 from ssm_planner.simulation.drive import drive_step, with_blocked_motor
-from ssm_planner.typing import Array, frozen, record
+from ssm_planner.typing import Array, Keywords, frozen, record
 
 DAMPING_RATIO = 0.3
 """Assumed damping ratio of each joint while its drive is locked."""
@@ -477,8 +476,7 @@ class ArmPlant:
 def _with_friction(drive: Drive, values: ca.SX) -> Drive:
     """Return a copy of a drive whose friction parameters are CasADi symbols.
 
-    The constructor of `Drive` would refuse symbols, so this function changes the copy without a
-    check of the values.
+    The constructor of `Drive` would refuse symbols, so the values of the copy are not checked.
 
     Parameters
     ----------
@@ -492,9 +490,5 @@ def _with_friction(drive: Drive, values: ca.SX) -> Drive:
     Drive
         The copy.
     """
-    friction = copy.copy(required_friction(drive))
-    changed = copy.copy(drive)
-    for name, value in zip(FRICTION_PARAMETERS, ca.vertsplit(values), strict=True):
-        object.__setattr__(friction, name, value)
-    object.__setattr__(changed, "friction", friction)
-    return changed
+    parameters: Keywords = dict(zip(FRICTION_PARAMETERS, ca.vertsplit(values), strict=True))
+    return unchecked_copy(drive, friction=unchecked_copy(required_friction(drive), **parameters))

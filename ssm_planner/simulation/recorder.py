@@ -89,9 +89,8 @@ def write_recording(
     step = result.time[1] - result.time[0]
     indices = np.minimum(np.rint(times / step).astype(int), len(result.time) - 1)
     speed = axis.direction * _period_means(result.w[:, k], indices) / SPEEDS["rpm"]
-    torque = (
-        axis.direction * 100.0 * _period_means(result.torque[:, k], indices) / axis.rated_torque
-    )
+    mean_torque = _period_means(result.torque[:, k], indices)
+    torque = axis.direction * 100.0 * mean_torque / axis.rated_torque
     turns = axis.direction * result.motor_angle[indices, k] / (2.0 * np.pi)
     increments = np.floor(turns * axis.counts_per_turn + 0.5)
     rows = np.column_stack([1000.0 * times, np.rint(speed), np.round(torque, 1), increments])

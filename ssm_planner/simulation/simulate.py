@@ -347,7 +347,7 @@ class SimulationResult:
         The command `simulate --json` prints this dict.
         """
         losses = self.losses
-        worst = self.losses.worst
+        longest_stop = float(losses.standing.max()) if losses.holds else None
         return {
             "passed": self.passed,
             "tracking": [vars(joint) for joint in self.tracking],
@@ -357,11 +357,11 @@ class SimulationResult:
             "travel": self.travel,
             "power_loss": {
                 "instants": len(losses.time),
-                "worst_time": float(losses.time[worst]),
-                "longest": float(losses.standing.max()) if losses.holds else None,
+                "worst_time": float(losses.time[losses.worst]),
+                "longest": longest_stop,
                 "not_held": int(np.sum(~np.isfinite(losses.standing))),
             },
-            "draws": None if self.draws is None else self.draws.to_dict(),
+            "draws": self.draws and self.draws.to_dict(),
             "reasons": list(self.reasons),
             "notes": list(self.notes),
         }
@@ -455,14 +455,11 @@ class _Simulation:
         self.arms: dict[float, ControlledArm] = {}
         self.unknown: tuple[str, ...] = ()
         self.period = controller.loop_period
-        loss = scenario.power_loss
-        end = (
-            loss + MAX_STOPPING_TIME
-            if isinstance(loss, float)
-            else plan.motion.duration + HOLDING_TIME
-        )
+        end = plan.motion.duration + HOLDING_TIME
+        if isinstance(scenario.power_loss, float):
+            end = scenario.power_loss + MAX_STOPPING_TIME
         self.time: Array = self.period * np.arange(round(end / self.period), dtype=float)
-        time_scale = setpoint_times(plan, SETPOINT_INTERVAL)[1]
+        _, time_scale = setpoint_times(plan, SETPOINT_INTERVAL)
         samples = sample_slowed_plan(plan, plan.motion.breaks[0] + self.time, time_scale)
         self.planned = samples.q
         speed = samples.qd
@@ -550,10 +547,10 @@ class _Simulation:
         else:
             instants = np.array([loss if isinstance(loss, float) else self.time[-1]])
         # Without power, the demanded positions have no effect, so the first row is repeated.
-        unpowered = select_periods(
-            self.commands, np.zeros(round(MAX_STOPPING_TIME / self.period), dtype=int)
+        first_row = np.zeros(round(MAX_STOPPING_TIME / self.period), dtype=int)
+        unpowered = replace(
+            select_periods(self.commands, first_row), power=np.zeros(len(first_row))
         )
-        unpowered = replace(unpowered, power=np.zeros(len(unpowered.power)))
         travel = np.zeros(len(instants))
         rest_time = np.zeros(len(instants))
         for i, instant in enumerate(instants):
@@ -595,13 +592,16 @@ class _Simulation:
             if np.all(self._is_at_rest(continuation.states)[-standstill_periods:]):
                 break
         path = np.vstack(states)
-        moving = np.flatnonzero(np.logical_not(self._is_at_rest(path)))
-        periods = moving[-1] + 1 if len(moving) else 0
         # Every fifth state suffices, because the tip moves little within a few periods.
         tips = tip_position(Mechanism.from_robot(self.plan.robot), path[::5, Q])
         travel = float(np.linalg.norm(tips - tips[0], axis=1).max())
-        stopped = periods <= len(path) - standstill_periods or not len(moving)
-        return travel, float(self.period * periods) if stopped else np.inf
+        moving = np.flatnonzero(np.logical_not(self._is_at_rest(path)))
+        if not len(moving):
+            return travel, 0.0
+        periods = moving[-1] + 1
+        if periods > len(path) - standstill_periods:
+            return travel, np.inf
+        return travel, float(self.period * periods)
 
     def _is_at_rest(self, states: Array) -> Array:
         """Determine for each state whether all motors and joints are at rest.
@@ -790,11 +790,10 @@ class _Simulation:
         scenario = self.scenario
         streams = sample_setpoints(self.plan, self.axes, "csp", SETPOINT_INTERVAL)[0].streams
         if scenario.dropped is not None:
+            row = max(1, round(1000 * scenario.dropped / SETPOINT_INTERVAL))
             for stream in streams.values():
                 for column in stream.values():
-                    lost_row = min(
-                        max(1, round(1000 * scenario.dropped / SETPOINT_INTERVAL)), len(column) - 1
-                    )
+                    lost_row = min(row, len(column) - 1)
                     column[lost_row] = column[lost_row - 1]
         result = commands_from_setpoints(
             streams, self.axes, self.controller, (self.time, prescribed), SETPOINT_INTERVAL / 1000

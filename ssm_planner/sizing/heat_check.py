@@ -96,9 +96,11 @@ def compute_heat(
     selected_load = select_instants(load)
     cycle = Cycle.from_torque(selected_load.t, selected_load.torque(), conditions.pause)
     rms = float(np.sqrt(cycle.mean(cycle.square)))
-    # Nothing limits a motor without torque.
-    hot = cycle.scaled(worst_rms / rms) if rms > 0 else cycle
-    capacity = _largest_torque_factor(model, cycle, limit) * rms if rms > 0 else np.inf
+    hot = cycle
+    capacity = np.inf  # nothing limits a motor without torque
+    if rms > 0:
+        hot = cycle.scaled(worst_rms / rms)
+        capacity = _largest_torque_factor(model, cycle, limit) * rms
     nominal = steady_state(model, cycle)
     hot_state = steady_state(model, hot)
     return Heat(

@@ -465,7 +465,7 @@ def _remove_selected_motors(study: Study, problem: Problem) -> Problem:
     Problem
         Copy of the problem, whose robot lacks these motors.
     """
-    selected_joints = {choice.path.split(".")[1] for choice in study.selected}
+    selected_joints = {choice.joint for choice in study.selected}
 
     def without_motor(joint: Joint) -> Joint:
         """Return a joint, without its motor if the motor or the gear is selected."""
@@ -513,8 +513,8 @@ def select_components(
         for load in joint_loads(motions[name].slower(1 / slowdown), problem.robot):
             loads.append((load, conditions))
     components: dict[str, str] = {}
-    for joint in dict.fromkeys(choice.path.split(".")[1] for choice in study.selected):
-        loads_of_joint = [item for item in loads if item[0].joint == joint]
+    for joint in dict.fromkeys(choice.joint for choice in study.selected):
+        loads_of_joint = [(load, conditions) for load, conditions in loads if load.joint == joint]
         components |= _select_pair(study, joint, loads_of_joint)
     return components
 

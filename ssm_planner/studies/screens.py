@@ -324,8 +324,7 @@ class Screens:
             direction = np.where(np.abs(step) > 1e-12, np.sign(step), 0.0)
             load = self._weight_efforts(family, q)
         rejections: Rejections = [None] * len(designs)
-        # A path such as "joints.roll.motor" contains the name of the joint.
-        selected = {choice.path.split(".")[1] for choice in self.study.selected}
+        selected = {choice.joint for choice in self.study.selected}
         for k, name in enumerate(JOINTS):
             if name in selected:
                 continue

@@ -115,6 +115,11 @@ class Choice:
     beside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Mass (kg) and length (m) that the catalogue states in addition, by name of the entry."""
 
+    @property
+    def joint(self) -> str:
+        """Name of the joint in a path such as "joints.roll.motor"."""
+        return self.path.split(".")[1]
+
     def value_at(self, position: float) -> str:
         """Return the name of an entry.
 

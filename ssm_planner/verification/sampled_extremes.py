@@ -513,10 +513,8 @@ class RmsTorques:
 
     Attributes
     ----------
-    torques : list of (int, LimitedQuantity)
-        The motor torques with their indices among the quantities.
-    columns : list of int
-        These indices.
+    torques : dict of LimitedQuantity
+        The motor torques by their index among the quantities.
     integrals : array
         ∫ τ² dt of each motor torque so far, N²·m²·s.
     """
@@ -529,13 +527,12 @@ class RmsTorques:
         quantities : sequence of LimitedQuantity
             The sampled quantities, in the order of their columns.
         """
-        self.torques = [
-            (k, quantity)
+        self.torques = {
+            k: quantity
             for k, quantity in enumerate(quantities)
             if isinstance(quantity.limit, MotorTorque)
-        ]
-        self.columns = [k for k, _ in self.torques]
-        self.integrals = np.zeros(len(self.columns))
+        }
+        self.integrals = np.zeros(len(self.torques))
 
     def needs_refinement(self, values: Array, duration: Array) -> Mask:
         """Find the intervals in which the square of a torque is not nearly a parabola.
@@ -555,7 +552,7 @@ class RmsTorques:
             True where the third difference of the squares, times the duration of the interval,
             exceeds `MEAN_SQUARE_TOLERANCE` times the integral over all intervals.
         """
-        squares = values[:, :, self.columns] ** 2
+        squares = values[:, :, list(self.torques)] ** 2
         # The third difference v0 − 3 v1 + 3 v2 − v3 of a parabola is 0.
         third = np.abs(squares[0] - squares[3] + 3 * (squares[2] - squares[1])) * duration[:, None]
         return np.any(third > MEAN_SQUARE_TOLERANCE * (duration @ squares[1]), axis=1)
@@ -573,7 +570,7 @@ class RmsTorques:
         duration : (n,) array
             Durations of the intervals, s. Intervals with 0 add nothing.
         """
-        for i, (column, quantity) in enumerate(self.torques):
+        for i, (column, quantity) in enumerate(self.torques.items()):
             square = values[:, :, column] ** 2
             starts = starting[:, quantity.index]
             mean = np.where(starts, RADAU_WEIGHTS @ square, SIMPSON_WEIGHTS @ square)
@@ -601,7 +598,7 @@ class RmsTorques:
         """
         checks = []
         end = float(trajectory.breaks[-1])
-        for (_, quantity), integral in zip(self.torques, self.integrals, strict=True):
+        for quantity, integral in zip(self.torques.values(), self.integrals, strict=True):
             limit = robot.joints[quantity.index].limit(ContinuousTorque)
             rms = float(np.sqrt(integral / (trajectory.duration + pause)))
             case = None if quantity.case is None else quantity.case.description

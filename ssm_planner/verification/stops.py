@@ -528,14 +528,11 @@ class _DecelerationBounds:
             ones = np.ones(3 * m)
             # The torques are linear in (s̈, ṡ², ṡ), so four evaluations give all coefficients.
             at_zero = motor.row_torques(zero, zero, zero)
-            at_unit_u = motor.row_torques(ones, zero, zero)
-            at_unit_square = motor.row_torques(zero, ones, zero)
-            at_unit_root = motor.row_torques(zero, zero, ones)
-            for row in (0, 1):
-                slope = at_unit_u[row] - at_zero[row]
-                square_term = at_unit_square[row] - at_zero[row]
-                root_term = at_unit_root[row] - at_zero[row]
-                offsets = np.stack([at_zero[row], square_term, root_term])
+            slopes = motor.row_torques(ones, zero, zero) - at_zero
+            square_terms = motor.row_torques(zero, ones, zero) - at_zero
+            root_terms = motor.row_torques(zero, zero, ones) - at_zero
+            for row, slope in enumerate(slopes):
+                offsets = np.stack([at_zero[row], square_terms[row], root_terms[row]])
                 single_bounds.append(motor.acceleration_bound(slope, offsets)[:, :, None])
                 halves[row].append(motor.acceleration_bound(-slope, -offsets)[:, :, None])
         all_rows = single_bounds + halves[0] + halves[1]
@@ -671,7 +668,7 @@ class _MotorOnPath:
             square_growth=square_growth,
         )
 
-    def row_torques(self, u: Array, square: Array, root: Array) -> list[Array]:
+    def row_torques(self, u: Array, square: Array, root: Array) -> Array:
         """Compute the motor torque by both linear functions (rows) of its law.
 
         Parameters
@@ -682,8 +679,8 @@ class _MotorOnPath:
 
         Returns
         -------
-        list of two (n,) arrays
-            Motor torques in the direction of motion, N·m.
+        (2, n) array
+            Motor torques in the direction of motion, N·m, one row for each function.
         """
         drive = self.joint.drive
         assert drive is not None
@@ -695,10 +692,11 @@ class _MotorOnPath:
         effort = output_effort(drive, rigid_effort, speed, acceleration, self.sigma)
         motor_speed = drive.ratio * speed
         motor_acceleration = drive.ratio * acceleration
-        return [
-            self.sigma * self.rows.torque(slope * effort, motor_speed, motor_acceleration)
+        torques = [
+            self.rows.torque(slope * effort, motor_speed, motor_acceleration)
             for slope in self.rows.slope
         ]
+        return self.sigma * np.array(torques)
 
     def acceleration_bound(self, slope: Array, offset: Array) -> Array:
         """Compute the smallest s̈ at which a torque slope · s̈ + offset does not exceed its limit.
@@ -747,9 +745,8 @@ class _MotorOnPath:
         driving = np.full(len(square), -np.inf)
         braking = np.full(len(square), np.inf)
         at_zero = self.row_torques(zero, square, root)
-        at_one = self.row_torques(zero + 1, square, root)
-        for offset, torque_at_one in zip(at_zero, at_one, strict=True):
-            slope = torque_at_one - offset
+        slopes = self.row_torques(zero + 1, square, root) - at_zero
+        for offset, slope in zip(at_zero, slopes, strict=True):
             driving = np.maximum(driving, self.acceleration_bound(slope, offset[None])[0])
             # Each row is a lower bound of the torque in the direction of motion.
             braking = np.minimum(braking, self.acceleration_bound(-slope, -offset[None])[0])
