@@ -135,13 +135,15 @@ def axis_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
         angles.append(float(np.arctan2(sine, axis @ next_axis)))
     x = axis_2 - axis_1 * (axis_1 @ axis_2)
     x /= np.linalg.norm(x)
-    base = np.column_stack([x, np.cross(axis_1, x), axis_1])
+    frame_1 = np.column_stack([x, np.cross(axis_1, x), axis_1])
     y_axis = np.array([0.0, 1.0, 0.0])
-    frame = base @ rotation(y_axis, angles[0])
-    components = frame.T @ axis_3
+    # Tilted by the first angle, z is the second axis. Turned about it, x–z contains the third axis.
+    tilted = frame_1 @ rotation(y_axis, angles[0])
+    components = tilted.T @ axis_3
     offset = float(np.arctan2(components[1], components[0]))
-    elbow = frame @ rotation(np.array([0.0, 0.0, 1.0]), offset)
-    return np.stack([base, base, elbow, elbow @ rotation(y_axis, angles[1])]), angles, offset
+    frame_2 = tilted @ rotation(np.array([0.0, 0.0, 1.0]), offset)
+    frame_3 = frame_2 @ rotation(y_axis, angles[1])
+    return np.stack([frame_1, frame_1, frame_2, frame_3]), angles, offset
 
 
 def load_parameters(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:

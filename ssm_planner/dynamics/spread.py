@@ -152,9 +152,11 @@ class FrictionSpread:
         deviations = self.deviations(count)
         if self.names:
             scaled = deviations / np.where(self.sigma > 0, self.sigma, 1.0)
-            inverse = np.linalg.pinv(np.atleast_2d(np.cov(scaled, rowvar=False)), 1e-9)
-            distance = np.einsum("ni,ij,nj->n", scaled, inverse, scaled)
-            deviations = deviations[distance <= np.quantile(distance, share)]
+            covariance = np.atleast_2d(np.cov(scaled, rowvar=False))
+            precision = np.linalg.pinv(covariance, 1e-9)
+            squared_distances = np.einsum("ni,ij,nj->n", scaled, precision, scaled)
+            nearest = squared_distances <= np.quantile(squared_distances, share)
+            deviations = deviations[nearest]
         corners = self.corners()
         sets = {}
         for name, column in self.values(deviations).items():

@@ -70,13 +70,9 @@ class SessionDesign:
 
         The command `identify --design --json` prints this dict.
         """
+        rows = zip(self.speeds.tolist(), self.durations.tolist(), strict=True)
         return {
-            "recordings": [
-                {"speed": speed, "duration": duration}
-                for speed, duration in zip(
-                    self.speeds.tolist(), self.durations.tolist(), strict=True
-                )
-            ],
+            "recordings": [{"speed": speed, "duration": duration} for speed, duration in rows],
             "law": self.law,
             "parameters": {name: asdict(value) for name, value in self.expected.items()},
         }
@@ -202,14 +198,15 @@ def _session_speeds(top_speed: float, count: int) -> Array:
     (count,) array
         Motor speeds (rad/s), negative in the negative direction.
     """
-    half = count // 2
-    magnitudes = (
-        np.geomspace(SMALLEST_SPEED_RATIO, 1.0, half - MIDDLE_SPEED_RECORDINGS + 1) * top_speed
-    )
+    distinct_speeds = count // 2 - MIDDLE_SPEED_RECORDINGS + 1
+    magnitudes = np.geomspace(SMALLEST_SPEED_RATIO, 1.0, distinct_speeds) * top_speed
     middle = len(magnitudes) // 2
     other_speeds = np.delete(magnitudes, middle)
     rng = np.random.default_rng(0)
     shuffled_speeds = rng.permutation(np.concatenate([other_speeds, -other_speeds]))
     blocks = np.array_split(shuffled_speeds, MIDDLE_SPEED_RECORDINGS - 1)
     pair = magnitudes[middle] * np.array([1.0, -1.0])
-    return np.concatenate([pair, *(np.append(block, pair) for block in blocks)])
+    speeds = pair
+    for block in blocks:
+        speeds = np.concatenate([speeds, block, pair])
+    return speeds

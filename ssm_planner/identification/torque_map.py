@@ -268,22 +268,7 @@ def compute_torque_map(recordings: Sequence[Recording]) -> TorqueMap:
     order = sorted(recordings, key=lambda recording: float(recording.w.mean()))
     repairs = [f"{recording.name}: {repair}" for recording in order for repair in recording.repairs]
     for recording in order:
-        size = abs(recording.w.mean())
-        deviation = recording.w.std()
-        if deviation > size:
-            repairs.append(
-                f"{recording.name}: speed noisier than its mean ({deviation:.3g} > {size:.3g} "
-                "rad/s), kept"
-            )
-        third = len(recording.w) // 3
-        initial = float(recording.w[:third].mean())
-        final = float(recording.w[-third:].mean())
-        tolerance = max(LARGEST_DRIFT * size, OUTLIER_SCORE * deviation / np.sqrt(third))
-        if abs(final - initial) > tolerance:
-            repairs.append(
-                f"{recording.name}: speed goes from {initial:.3g} to {final:.3g} rad/s, "
-                "its mean is taken: not steady"
-            )
+        repairs += [f"{recording.name}: {remark}" for remark in _speed_remarks(recording.w)]
     rows = [
         [
             recording.w.mean(),
@@ -305,6 +290,24 @@ def compute_torque_map(recordings: Sequence[Recording]) -> TorqueMap:
             "the sign of the torque or of the speed is wrong in all recordings"
         )
     return replace(data, repairs=tuple(repairs))
+
+
+def _speed_remarks(w: Array) -> list[str]:
+    """Return remarks on a recorded speed (rad/s) that is noisy or drifts."""
+    remarks = []
+    size = abs(w.mean())
+    deviation = w.std()
+    if deviation > size:
+        remarks.append(f"speed noisier than its mean ({deviation:.3g} > {size:.3g} rad/s), kept")
+    third = len(w) // 3
+    initial = float(w[:third].mean())
+    final = float(w[-third:].mean())
+    tolerance = max(LARGEST_DRIFT * size, OUTLIER_SCORE * deviation / np.sqrt(third))
+    if abs(final - initial) > tolerance:
+        remarks.append(
+            f"speed goes from {initial:.3g} to {final:.3g} rad/s, its mean is taken: not steady"
+        )
+    return remarks
 
 
 def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:

@@ -88,8 +88,9 @@ def drive_step(
     # A resting drive starts if the motor torque exceeds the breakaway torque of a direction.
     forward_torque = breakaway_torque(drive, load, 1.0, mu_rest)
     backward_torque = breakaway_torque(drive, load, -1.0, mu_rest)
-    starts = xp.where(tau > forward_torque, 1, xp.where(tau < backward_torque, -1, 0))
-    sign = xp.where(w == 0, starts, xp.sign(w))
+    backward_start = xp.where(tau < backward_torque, -1, 0)
+    start = xp.where(tau > forward_torque, 1, backward_start)
+    sign = xp.where(w == 0, start, xp.sign(w))
     wd, effort = motor_acceleration(drive, tau, w=speed, load=load, direction=sign, mu=mu)
     free_speed = w + h * wd
     stops = sign * free_speed <= 0  # also true at rest
