@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from itertools import takewhile
 from pathlib import Path
 
@@ -22,12 +23,13 @@ def first_sentences(text: str) -> str:
 
 def main() -> None:
     """Plan every shipped problem; a section for each, with its first comment, its film, its figure and its file."""
+    shutil.rmtree(PICTURES, ignore_errors=True)  # It may contain the plans of another version.
     parts = ["# Gallery\n\nThe shipped problems, planned when this page was made.\n"]
     for name, file in shipped_files("problems").items():
         result = plan(load_problem(file))
         result.save(PICTURES / name)
         text = file.read_text(encoding="utf-8")
-        film(result, PICTURES / name / "film.gif", 0.5)
+        film(PICTURES / name, PICTURES / name / "film.gif", 0.5)
         parts += [
             f"## {name}\n",
             *([comment, ""] if (comment := first_sentences(text)) else []),
