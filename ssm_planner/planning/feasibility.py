@@ -612,7 +612,7 @@ def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     Yields
     ------
     Reason or None
-        One result for each end, joint and range. None if the range suffices.
+        One result for each end, joint with a velocity there, and range. None if the range suffices.
     """
     problem = phase.problem
     ends = (
@@ -620,6 +620,8 @@ def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
         (-phase.qd_end, -1, "would have to start from"),
     )
     for (qd, side, phrase), (i, joint) in product(ends, enumerate(problem.robot.joints)):
+        if not qd[i]:
+            continue
         turning_q = phase.points[side].copy()
         # Position at which the joint stops, or from which it starts: q ± q̇²/(2 q̈_max).
         turning_q[i] += qd[i] * abs(qd[i]) / (2 * joint.acceleration)

@@ -423,7 +423,7 @@ class Problem(Value, Limited):
         """Limits on the pose and speed of the tool."""
         return TaskLimits(**get_attributes(self, field_hints(TaskLimits)))
 
-    @property
+    @cached_property
     def all_limits(self) -> tuple[Limit, ...]:
         """All limits on a motion: of joints, motors, drives, the task and the eye."""
         of_joints = (limit for joint in self.robot.joints for limit in joint.limits)
