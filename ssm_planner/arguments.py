@@ -100,7 +100,8 @@ def checked(
 def check_methods(cls: type[C]) -> type[C]:
     """Make the methods of a class check their arguments in calls from other packages.
 
-    These are the public methods, and the constructor unless `cls` is not yet a dataclass.
+    These are the public methods of a public class, and its constructor unless `cls` is not yet a
+    dataclass.
 
     Parameters
     ----------
@@ -114,7 +115,8 @@ def check_methods(cls: type[C]) -> type[C]:
         The same class.
     """
     array_error = getattr(cls, "_array_error", GeometryError)
-    for name, member in list(vars(cls).items()):
+    members = [] if cls.__name__.startswith("_") else list(vars(cls).items())
+    for name, member in members:
         function = getattr(member, "__func__", member)
         is_public = not name.startswith("_") or name == "__init__"
         if is_public and inspect.isfunction(function) and not hasattr(function, "__wrapped__"):

@@ -416,7 +416,10 @@ class _PhaseBuilder:
         if np.abs(end - self.start).max() < ROUNDING_TOLERANCE:
             return self._rest_phase(motion)
         path = straight_path(self.problem, self.mechanism, self.start, end, self.q)
-        return self._phase_along(motion, path)
+        # The points at which joints reverse are computed later, because many straight phases of
+        # other joint positions turn out to be impossible before.
+        points = path.sample(np.array([0.0, 1.0])).q
+        return Phase(self.problem, motion, self.start, end, points, path=path)
 
     def _free_phase(self, motion: Free) -> Phase:
         """Build the phase of a free motion through its points. Repeated points are left out.
