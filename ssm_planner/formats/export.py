@@ -9,6 +9,7 @@ appears only when every file is complete.
 from __future__ import annotations
 
 import json
+import math
 import pkgutil
 from dataclasses import replace
 from pathlib import Path
@@ -101,7 +102,9 @@ def export(
         raise ExportError(f"unknown export format {to!r} (allowed: {', '.join(FORMATS)})")
     form = FORMATS[to]
     requested = options if stops is None else {**options, "stops": stops}
-    for name in requested:
+    for name, value in requested.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ExportError(f"{name} = {value} is out of range (allowed: finite numbers)")
         if name not in form.options:
             formats = [label for label, entry in FORMATS.items() if name in entry.options]
             raise ExportError(

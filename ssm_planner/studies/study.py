@@ -196,7 +196,7 @@ class Study:
     >>> import ssm_planner as ssm
     >>> study = ssm.load_study("vitreoretinal")
     >>> study.paths[0], study.minimise
-    ('geometry.alpha', ('duration', 'motor_mass'))
+    ('geometry.alpha', ('duration', 'motor_margin', 'motor_mass'))
     """
 
     name: str
