@@ -70,7 +70,7 @@ def write_study_figures(
     ]
     if len(names) > 1:
         plots["front"] = new_figure(5.5, 4.0)
-        _plot_front(plots["front"].add_subplot(), rows, reference, front, names[:2])
+        _plot_front(plots["front"].add_subplot(), rows, reference, front, names)
     if len(study.vary) > 1 and rows:
         plots["map"] = new_figure(6.5, 4.0)
         _plot_map(plots["map"].add_subplot(), study, rows)
@@ -81,6 +81,9 @@ def _plot_front(
     axes: "Axes", rows: Candidates, reference: Candidate, front: Candidates, names: list[str]
 ) -> None:
     """Plot two objectives of all planned candidates, of the front and of the original robot.
+
+    A line connects the front of two objectives. With more objectives, the front is a surface, whose
+    points have no order in the plane of two of them.
 
     Parameters
     ----------
@@ -93,7 +96,7 @@ def _plot_front(
     front : sequence of Candidate
         Results of the candidates on the front.
     names : list of str
-        Names of the objectives on the horizontal and on the vertical axis.
+        Names of the objectives. The first two are on the horizontal and on the vertical axis.
     """
 
     def plot(candidates: Candidates, style: str, size: int, colour: str, label: str) -> None:
@@ -106,7 +109,8 @@ def _plot_front(
 
     finished = [row for row in rows if row.state == "done"]
     plot(finished, "o", 3, "0.6", f"planned, {len(finished)}")
-    plot(front, "o-", 5, COLOURS[0], f"front, {len(front)}")
+    style = "o-" if len(names) == 2 else "o"
+    plot(front, style, 5, COLOURS[0], f"front, {len(front)}")
     if reference.state == "done":
         plot([reference], "*", 12, COLOURS[1], "the study's own robot")
     finish_axes(axes, axis_title(names[0]), axis_title(names[1]))
