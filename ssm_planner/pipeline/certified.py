@@ -2,7 +2,7 @@
 
 `plan_and_check` plans a problem and checks the motion with the package `verification`, which
 evaluates every limit without the planner. If the motion exceeds limits, they are made stricter, and
-the problem is planned again, up to `MAX_PLANNING_ROUNDS` times.
+the problem is planned again, until `MAX_PLANNING_ROUNDS` motions have been planned.
 """
 
 from collections.abc import Callable
@@ -95,7 +95,8 @@ def plan_and_check(
     """Plan a motion for a problem and check it independently.
 
     If the check finds that the motion exceeds a limit, the planner gets a stricter limit and plans
-    again, up to `MAX_PLANNING_ROUNDS` times. The check always uses the original limits.
+    again, until `MAX_PLANNING_ROUNDS` motions have been planned. The check always uses the original
+    limits.
 
     Parameters
     ----------

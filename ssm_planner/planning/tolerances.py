@@ -7,7 +7,10 @@ Rounding errors of double-precision numbers are about 1e-15 for values of the si
 above them. It is also far too small to matter for a motion.
 """
 EQUALITY_TOLERANCE = 1e-6
-"""Relative difference below which two durations count as equal.
+"""Relative difference below which a duration counts as the requested one.
+
+Two solutions of one program agree if their durations differ by less, too. Whether a motion is worth
+more work is decided by `GAP`.
 
 Points of a problem that are less than this distance (rad, m) apart count as equal too.
 """

@@ -1,7 +1,7 @@
 """Motions of a robot that already moves: first a stop, then a motion from rest.
 
-The stop has a closed form, which takes milliseconds and needs no iterations. A robot that already
-moves therefore gets a motion even if the solvers find no direct one.
+The stop has a closed form, which takes milliseconds and needs no iterations. The motion after it
+begins at rest. It exists more often than a direct motion, which begins at speed.
 """
 
 from collections.abc import Iterator
