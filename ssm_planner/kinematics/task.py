@@ -121,15 +121,19 @@ def task_rates_of_joints(
 ) -> tuple[Any, ...]:
     """Compute the time derivatives of the task coordinates.
 
-    With x = θ2 − δ, the tilt φ, the azimuths ζ and η, and P, Q and E of the module `mechanism`,
-    where P² + Q² = sin² φ:
+    With x = θ2 − δ, the tilt φ and the azimuths ζ and η, the derivatives follow from
 
-        dφ/dx = sin α sin β sin x / sin φ   on the home side
-        dζ/dx = −E sin β / sin² φ
-        dη/dx = −P sin α / sin² φ
+        P = sin(α − β) cos²(x/2) + sin(α + β) sin²(x/2),
+        E = sin(α − β) cos²(x/2) − sin(α + β) sin²(x/2),
+        Q = sin β sin x,   P² + Q² = sin² φ:
+
+        dφ/dx = sin α sin β sin x / sin φ   on the home side,
+        dζ/dx = −E sin β / sin² φ,
+        dη/dx = −P sin α / sin² φ.
 
     The rates grow without bound towards a tilt of 0 or 180°, where roll and spin are the same
-    rotation. Exactly at such a tilt, the result is the derivative for θ2 at rest.
+    rotation. Exactly at such a tilt, the contribution of joint 2 is not defined. The function then
+    divides by 1 in place of sin² φ, which is exact if joint 2 is at rest.
 
     Parameters
     ----------
@@ -152,15 +156,16 @@ def task_rates_of_joints(
     x = q[1] - mech.delta
     c = xp.cos(x / 2.0)
     s = xp.sin(x / 2.0)
-    minus = xp.sin(mech.alpha - mech.beta) * (c * c)
-    plus = xp.sin(mech.alpha + mech.beta) * (s * s)
-    sine2 = (minus + plus) ** 2 + (2.0 * xp.sin(mech.beta) * s * c) ** 2
-    sine2 = xp.where(sine2 > 0.0, sine2, 1.0)
     sine_x = 2.0 * s * c
-    roll = speed1 - xp.sin(mech.beta) * (minus - plus) / sine2 * speed2
-    tilt_slope = mech.side * xp.sin(mech.alpha) * xp.sin(mech.beta) * sine_x / xp.sqrt(sine2)
+    # P and E of the docstring are the sum and the difference of these terms.
+    inner_term = xp.sin(mech.alpha - mech.beta) * (c * c)
+    outer_term = xp.sin(mech.alpha + mech.beta) * (s * s)
+    tilt_sine2 = (inner_term + outer_term) ** 2 + (2.0 * xp.sin(mech.beta) * s * c) ** 2
+    tilt_sine2 = xp.where(tilt_sine2 > 0.0, tilt_sine2, 1.0)
+    roll = speed1 - xp.sin(mech.beta) * (inner_term - outer_term) / tilt_sine2 * speed2
+    tilt_slope = mech.side * xp.sin(mech.alpha) * xp.sin(mech.beta) * sine_x / xp.sqrt(tilt_sine2)
     tilt = tilt_slope * speed2
-    spin = speed3 + xp.sin(mech.alpha) * (minus + plus) / sine2 * speed2
+    spin = speed3 + xp.sin(mech.alpha) * (inner_term + outer_term) / tilt_sine2 * speed2
     return roll, tilt, spin, mech.insertion_sign * speed4
 
 

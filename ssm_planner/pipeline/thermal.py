@@ -109,11 +109,11 @@ class ThermalSearch:
             (self._extend_rests, (1.0,)),
             (self._plan_for_least_heat, SLOWDOWN_SHARES),
         )
-        for family, numbers in families:
-            result = _find_smallest_cool(partial(family, quick), numbers, self.best[1])
+        for plan_with, settings in families:
+            result = _find_smallest_cool(partial(plan_with, quick), settings, self.best[1])
             if result is not None:
-                number, outcome = result
-                confirmed = outcome if problem is quick else family(problem, number)
+                setting, outcome = result
+                confirmed = outcome if problem is quick else plan_with(problem, setting)
                 # Among motions of little heat, Ipopt may converge to one that is far longer.
                 longer = confirmed.duration > (1 + GAP) * outcome.duration
                 return outcome if longer else confirmed
@@ -280,59 +280,61 @@ class ThermalSearch:
 
 
 def _find_smallest_cool(
-    motion: Callable[[float], Outcome], numbers: tuple[float, ...], hottest: Outcome
+    plan_with: Callable[[float], Outcome], settings: tuple[float, ...], hottest: Outcome
 ) -> tuple[float, Outcome] | None:
-    """Find the smallest number for which no motor gets too hot, and the motion for this number.
+    """Find the smallest setting with which no motor gets too hot, and the motion with it.
 
-    The number is a multiplier of heat, a share of the necessary rest, or a share by which all
-    phases take longer. The excess of heat, h / (T + P) − 1 with the symbols of the module's
-    docstring, falls with the number. A motion that passes the check is called cool.
+    A *setting* is one number that slows the motion down: a multiplier of heat, a share of the
+    necessary rest, or a share by which all phases take longer. A larger setting gives less heat.
+    The excess of heat is h / (T + P) − 1, with the symbols of the module's docstring.
 
-    The first of the `numbers` with a cool motion, and the number before it, enclose the number at
-    which the excess is 0. Brent's method finds that number. It ends with a cool motion whose excess
-    is at least −GAP, or whose number exceeds one with a hot motion by at most GAP.
+    The given settings are tried in turn until a motion passes the check. The setting before it was
+    too small. Between these two, Brent's method finds the setting at which the excess is 0. It ends
+    when the unused share of the permitted heat, or the interval of the settings, is at most `GAP`.
 
     Parameters
     ----------
-    motion : callable
-        Function that plans the motion for a number, and checks it.
-    numbers : tuple of float
-        Increasing numbers, tried in turn until one gives a cool motion.
+    plan_with : callable
+        Function that plans and checks the motion with a setting.
+    settings : tuple of float
+        Increasing settings.
     hottest : Outcome
-        Motion for the number 0.
+        Motion with the setting 0, which is too hot.
 
     Returns
     -------
     tuple of float and Outcome, or None
-        The number and its motion. None if no number gives a cool motion, if the excess changes by
-        at most `GAP` from one number to the next, or if a motion exceeds another limit.
+        The setting and its motion. None if all motions are too hot, if the excess changes by at
+        most `GAP` from one setting to the next, or if a motion exceeds another limit.
     """
     from scipy.optimize import brentq  # SciPy's optimisers take long to import.
 
     outcomes = {0.0: hottest}
 
-    def excess(number: float) -> float:
-        """Return the excess of heat for a number, or 0 if the motion is cool and fast enough."""
-        if number not in outcomes:
-            outcomes[number] = motion(number)
-        outcome = outcomes[number]
-        # A motion that exceeds another limit counts as hot.
+    def excess(setting: float) -> float:
+        """Return the excess of heat with a setting. It is 0 if the permitted heat is used."""
+        if setting not in outcomes:
+            outcomes[setting] = plan_with(setting)
+        outcome = outcomes[setting]
+        # A motion that exceeds another limit counts as too hot.
         heat = 1.0 if outcome.excess_heat is None else outcome.excess_heat
-        return 0.0 if outcome.passed and heat >= -GAP else heat
+        uses_permitted_heat = outcome.passed and heat >= -GAP
+        return 0.0 if uses_permitted_heat else heat
 
     lower = 0.0
-    for upper in numbers:
+    for upper in settings:
         if excess(upper) <= 0.0:
             break
-        stays_hot = lower > 0.0 and excess(lower) - excess(upper) <= GAP
-        if stays_hot or outcomes[upper].excess_heat is None:
+        # The first setting may be too small to have an effect.
+        has_no_effect = lower > 0.0 and excess(lower) - excess(upper) <= GAP
+        if has_no_effect or outcomes[upper].excess_heat is None:
             return None
         lower = upper
     else:
         return None
     brentq(excess, lower, upper, xtol=GAP)
-    coolest = min(number for number, outcome in outcomes.items() if outcome.passed)
-    return coolest, outcomes[coolest]
+    smallest = min(setting for setting, outcome in outcomes.items() if outcome.passed)
+    return smallest, outcomes[smallest]
 
 
 def _may_take_longer(phase: PlannedPhase) -> bool:

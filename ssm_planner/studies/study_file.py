@@ -442,7 +442,7 @@ def _parse_range(section: Section, path: str) -> Varied:
 
 
 def _load_catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, dict[str, float]]]:
-    """Load the catalogue that an entry of `vary` names.
+    """Load the catalogue of motors or gears from which a variable of a study takes its values.
 
     Parameters
     ----------
@@ -468,6 +468,7 @@ def _load_catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, 
     try:
         return read_catalogue(file, gear=path.split(".")[-1] in GEAR_KEYS), catalogue_sizes(file)
     except ProblemError as error:
+        # An error in the catalogue has a line of its own. Other errors concern the key.
         if error.line is not None:
             raise
         raise section.error(str(error), "catalogue", show=False) from None

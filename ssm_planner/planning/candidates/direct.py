@@ -54,16 +54,16 @@ class Direct(PhaseCandidate):
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return the motion that is best for the objective of the problem.
 
-        Ipopt confirms it if the planner of the problem asks for that. If the motion of the estimate
-        cannot be completed, the free motion is solved again.
+        If the planner of the problem is `optimal`, Ipopt confirms the motion. If the estimate cannot
+        be completed to a motion, the free motion is solved again from the beginning.
 
         Parameters
         ----------
         cutoff : float
-            Duration in s. A motion that takes at least as long is of no use. A motion along a given
-            path ignores it.
+            Duration in s. A free motion that takes at least as long is of no use, so its solver may
+            give up. A motion along a given path is always completed.
         estimate : PlannedPhase or None
-            The motion that the method `estimate` returned.
+            The approximate motion from the method `estimate`.
 
         Returns
         -------

@@ -142,7 +142,9 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
 
 
 def sampled_guesses(borders: Borders, *, count: int) -> list[SegmentChain]:
-    """Sample the guess of a motion with known reversals from the earlier motion in `borders.guess`.
+    """Make the initial guess of a motion from an earlier motion whose joints reverse elsewhere.
+
+    The earlier motion is sampled. Velocities against the new directions of the joints become 0.
 
     Parameters
     ----------
@@ -167,8 +169,7 @@ def sampled_guesses(borders: Borders, *, count: int) -> list[SegmentChain]:
         element_count = max(4, round(count * (end - start) / motion.duration))
         t = np.linspace(start, end, element_count + 1)
         guess = SegmentGuess.sampled(motion, t, (element_count,))
-        # The directions may differ from those of the earlier motion. Velocities against the new
-        # direction are not allowed, so they become 0. `velocity` is the array in `guess` itself.
+        # A change of this array changes the guess.
         velocity = guess.elements.v
         velocity[velocity * signs <= 0] = 0.0
         fixed = np.ones(points.shape, dtype=bool)

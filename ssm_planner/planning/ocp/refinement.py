@@ -355,9 +355,8 @@ def constraints_above(names: list[RowName], values: Array, threshold: float) -> 
     """Select the path constraints that exceed a threshold in at least one element.
 
     If the friction or the payload is given as a range, a motor has one torque constraint for each
-    extreme of the range. Such a constraint is selected only if no other torque constraint of the
-    same motor is larger in this element. This rule keeps the number of constraints in the program
-    small.
+    extreme of the range. In each element, only the largest torque constraint of a motor counts. This
+    rule keeps the number of constraints in the program small.
 
     Parameters
     ----------

@@ -347,7 +347,7 @@ class PathLimits:
         (4, n) array
             The coefficients a, b, c and k.
         """
-        # `ceiling` only gives the arrays their length n.
+        # `ceiling` takes part because its length n is that of the result.
         a, b, c, k, _ = np.broadcast_arrays(a, b, c, k, self.ceiling)
         return np.stack([a, b, c, k])
 
