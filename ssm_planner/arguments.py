@@ -38,7 +38,10 @@ UNCHECKED_CALLERS = ("ssm_planner.", "dataclasses")
 mypy checks the calls within this package, and `dataclasses.replace` passes existing fields on.
 """
 LARGEST_NUMBER = 1e15
-"""Largest magnitude of a number. No quantity in SI units is as large."""
+"""Largest magnitude of a single number. No quantity in SI units is as large.
+
+Arrays may contain larger numbers, for example coefficients of short polynomial pieces.
+"""
 ARRAY = "array of numbers"
 """Description of the type of an array in messages."""
 
@@ -266,7 +269,7 @@ def _is_finite_array(value: Any, number_type: type) -> bool:
     if not isinstance(value, np.ndarray) or not value.size:
         return False
     is_of_type = np.can_cast(value.dtype, number_type, "same_kind")
-    return is_of_type and bool((np.abs(value) <= LARGEST_NUMBER).all())
+    return is_of_type and bool(np.isfinite(value).all())
 
 
 def _is_numeric(value: Any) -> bool:

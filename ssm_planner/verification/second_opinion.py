@@ -168,7 +168,7 @@ def shortest_path_duration(
         does not converge.
     """
     grid, squares = np.array(span) - span[0], np.ones(2)
-    duration = error = np.inf
+    duration = np.inf
     for refinement in (1, 2, 4, 8, 16, 32):
         path = PathRows.from_trajectory(trajectory, robot, span, refinement)
         if not path.moves.any():
@@ -182,11 +182,12 @@ def shortest_path_duration(
         # After the first grid, the error is infinite, so that the refinement continues.
         error = (coarse - duration) / 3
         if abs(error) <= GRID_TOLERANCE * duration:
-            break
-    bound, changes = path_bound(path, limits, squares)
-    estimate, proven = duration - error, bound or 0.0
-    if abs(error) <= GRID_TOLERANCE * duration and estimate >= (1 - GRID_TOLERANCE) * proven:
-        return Opinion(max(estimate, proven), bound, changes)
+            bound, changes = path_bound(path, limits, squares)
+            estimate, proven = duration - error, bound or 0.0
+            # If the estimate is below the bound, one of them needs a finer grid.
+            if estimate >= (1 - GRID_TOLERANCE) * proven:
+                return Opinion(max(estimate, proven), bound, changes)
+    bound, _ = path_bound(path, limits, squares)
     return Opinion(bound=bound, not_judged="toppra does not converge")
 
 
