@@ -15,6 +15,7 @@ import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
+from typing import BinaryIO
 
 from ssm_planner.atomic import (
     flush_to_disk,
@@ -209,10 +210,16 @@ def file_hashes(folder: Path) -> dict[str, str]:
 
 def sha256(path: Path) -> str:
     """Compute the SHA-256 of a file in hexadecimal, in blocks that need little memory."""
-    digest = hashlib.sha256()
     with path.open("rb") as file:
-        while block := file.read(2**20):
-            digest.update(block)
+        return sha256_of_open_file(file)
+
+
+def sha256_of_open_file(file: BinaryIO) -> str:
+    """Compute the SHA-256 of an open file from its beginning, in hexadecimal."""
+    digest = hashlib.sha256()
+    file.seek(0)
+    while block := file.read(2**20):
+        digest.update(block)
     return digest.hexdigest()
 
 

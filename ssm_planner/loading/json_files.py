@@ -21,7 +21,7 @@ from pydantic_core import from_json
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.loading.files import decode_text, read_file_bytes
 from ssm_planner.loading.yaml_nodes import LARGEST_DEPTH
-from ssm_planner.publishing import sha256
+from ssm_planner.publishing import sha256_of_open_file
 
 PARTIAL_READ_BYTES = 20 * 2**20
 """File size in bytes above which the longest list is read in parts."""
@@ -110,8 +110,10 @@ def read_json_in_parts(
                         f"{path}: invalid JSON, or not in the form that this program writes"
                     ) from error
                 # The complete text also shows the faults of the file.
-                content = parse_json(path, path.read_bytes())
-        return content, sha256(path)
+                file.seek(0)
+                content = parse_json(path, file.read())
+            # Another program may have replaced the file, so its path is not opened again.
+            return content, sha256_of_open_file(file)
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
 

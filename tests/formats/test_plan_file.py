@@ -9,12 +9,14 @@ import json
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ssm_planner.cli import main
 from ssm_planner.errors import ExportError, ProblemError, SsmPlannerError, TrajectoryError
+from ssm_planner.loading import json_files
 from ssm_planner.loading.json_files import read_json_in_parts
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan as plan_problem
@@ -249,6 +251,29 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
         assert read(0) == complete, changed[first - 40 : first + 40]
         refused += complete is None
     assert 0 < refused < 199
+
+
+def test_the_hash_belongs_to_the_content_that_was_read(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another program replaces the file between the reading of the content and of the hash."""
+    path, new = tmp_path / "plan.json", tmp_path / "new.json"
+    data = json.dumps(plan.to_dict()).encode()
+    path.write_bytes(data)
+    new.write_bytes(b"{}")
+    parse = json_files._parse_in_parts
+
+    def parse_and_replace(*arguments: Any) -> Any:
+        """Parse the file, and put the other one in its position."""
+        content = parse(*arguments)
+        new.replace(path)
+        return content
+
+    monkeypatch.setattr(json_files, "PARTIAL_READ_BYTES", 0)
+    monkeypatch.setattr(json_files, "_parse_in_parts", parse_and_replace)
+    _, sha256 = read_json_in_parts(path, 10**9, ("trajectory", "coefficients"), (6, 4))
+    assert path.read_bytes() == b"{}"
+    assert sha256 == hashlib.sha256(data).hexdigest()
 
 
 @pytest.mark.slow
