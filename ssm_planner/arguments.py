@@ -109,8 +109,8 @@ def check_methods(cls: type[C]) -> type[C]:
     Parameters
     ----------
     cls : type
-        Class to change. Its properties and the methods of its base classes stay as they are. An
-        attribute `_array_error` is the class of errors about arrays.
+        Class to change. Its properties and its inherited methods remain unchanged. An attribute
+        `_array_error` is the class of errors about arrays.
 
     Returns
     -------
@@ -175,7 +175,7 @@ def _argument_error(
         allowed = _description(hints[name])
         if isinstance(value, Real):
             allowed += f", numbers up to {LARGEST_NUMBER:g}"
-        reason = f"no argument for {function.__qualname__}()"
+        reason = f"wrong argument of {function.__qualname__}()"
         text = " ".join(str(value).split())
         return ProblemError(reason, key=name, value=text, allowed=allowed)
     return None

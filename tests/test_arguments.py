@@ -74,7 +74,7 @@ def test_a_wrong_argument_is_named(name: str, argument: str, label: str) -> None
         function(**{**required, argument: WRONG[label]})
     message = str(caught.value)
     assert message.startswith(f"{argument} = ")
-    assert f"no argument for {name}()" in message
+    assert f"wrong argument of {name}()" in message
     assert "(allowed: " in message
 
 
