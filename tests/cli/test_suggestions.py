@@ -6,6 +6,7 @@ import csv
 import re
 from argparse import ArgumentTypeError
 
+import numpy as np
 import pytest
 
 from ssm_planner.cli import main
@@ -39,23 +40,24 @@ def test_the_values_that_an_option_suggests_are_accepted(row: dict[str, str], wr
     assert examples
     for example in examples:
         assert " " not in example
-        convert(example)
+        assert np.isfinite(convert(example))
 
 
 def test_the_rate_that_a_message_suggests_is_accepted() -> None:
-    for example in re.findall(r"\d+k?Hz|\d+(?= or)", message_of(rate_argument, "x")):
-        VALUE_TYPES["rate"](example)
+    examples = re.findall(r"\d+k?Hz|\d+(?= or)", message_of(rate_argument, "x"))
+    assert examples
+    for example in examples:
+        assert VALUE_TYPES["rate"](example) > 0
 
 
 @pytest.mark.parametrize("kind", QUANTITY_KINDS)
 def test_the_example_of_a_quantity_is_accepted(kind: str) -> None:
-    try:
+    with pytest.raises(BadQuantity) as caught:
         parse_quantity("x", kind)
-    except BadQuantity as error:
-        example = error.allowed.rpartition("such as ")[2]
-        for text in example.split(" or "):
-            number = float(text) if kind == "number" else text
-            parse_quantity(number, kind)
+    examples = caught.value.allowed.rpartition("such as ")[2].split(" or ")
+    for text in examples:
+        example = float(text) if kind == "number" else text
+        assert np.isfinite(parse_quantity(example, kind))
 
 
 @pytest.mark.parametrize(

@@ -241,7 +241,10 @@ def test_sections_end_where_the_acceleration_jumps_or_a_joint_reverses() -> None
     for whole in (smooth, there_and_back):
         end = float(whole.breaks[-1])
         path = PathRows.from_trajectory(whole, problem.robot, (0.0, end), 1)
-        assert len(path.lengths) <= 4 * path_rows.PATH_INTERVALS
+        pieces = len(whole.breaks) - 1
+        # Every group of eight pieces is a section, whose number of intervals is rounded up.
+        density = max(path_rows.PATH_INTERVALS, pieces / path_rows.PIECES_PER_INTERVAL)
+        assert len(path.lengths) <= 1.1 * (density + pieces / 8)
         assert path.lengths.sum() == pytest.approx(end)
         assert (np.abs(path.direction[:, 2]) == 1).all()
 
