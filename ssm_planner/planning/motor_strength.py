@@ -291,15 +291,14 @@ def check_thermal_bound(problem: Problem) -> Reason | None:
 def _least_mean_torque(along: PathLimits, i: int, drive: Drive) -> float:
     """Return a lower bound on the mean torque of a motor over a motion from rest to rest, N·m.
 
-    The motion follows a path q(s) with the path parameter s, and its speed ṡ = ds/dt is not known.
+    The motion follows a path q(s) with the path parameter s. The bound holds for any speed
+    ṡ = ds/dt within the speed limits.
     The torque in the direction of motion is the larger of two linear functions of the effort F,
     that is, the torque or force at the output of the drive. It is therefore at least c F for every
     slope c between the slopes of the two functions. Integration by parts over a motion from rest to
     rest replaces the unknown s̈. With primes for derivatives with respect to s,
 
         F = A s̈ + B ṡ² + C,   mean of F = mean of (B − A') ṡ² + C.
-
-    ṡ is at most what the speed limits allow.
 
     Parameters
     ----------

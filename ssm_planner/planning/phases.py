@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import field, replace
 from functools import cached_property, lru_cache
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -52,7 +51,7 @@ from ssm_planner.problem import (
     Tip,
     motion_key,
 )
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, Range, record
 
 
 @record
@@ -828,7 +827,12 @@ def _inverse_solutions(
 
 
 @lru_cache(maxsize=256)
-def _cached_inverse_task(mechanism: Mechanism, *target: tuple[Any, ...]) -> Solutions:
+def _cached_inverse_task(
+    mechanism: Mechanism,
+    task: tuple[float, ...],
+    limits: tuple[Range, ...],
+    reference: tuple[float, ...],
+) -> Solutions:
     """Solve the inverse kinematics of one target, and cache the result for repeated targets.
 
     The planner asks for the same target several times, for example when it compares joint positions
@@ -839,9 +843,12 @@ def _cached_inverse_task(mechanism: Mechanism, *target: tuple[Any, ...]) -> Solu
     ----------
     mechanism : Mechanism
         Geometry of the robot.
-    *target : tuples
-        Task coordinates (4,) of the target, smallest and largest position of each joint, and the
-        joint positions (4,) whose nearest solutions come first, all in rad and m.
+    task : tuple of 4 floats
+        Task coordinates roll, tilt, spin (rad) and depth (m) of the target.
+    limits : tuple of 4 pairs of floats
+        Smallest and largest position of each joint, rad and m.
+    reference : tuple of 4 floats
+        Joint positions, rad and m. The solutions nearest to them come first.
 
     Returns
     -------
@@ -849,5 +856,4 @@ def _cached_inverse_task(mechanism: Mechanism, *target: tuple[Any, ...]) -> Solu
         Joint positions on both branches, that is, for both solutions of the inverse kinematics, and
         which of them are valid.
     """
-    task, limits, reference = target
     return inverse_task(mechanism, [task], limits=limits, reference=reference)

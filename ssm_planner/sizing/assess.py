@@ -361,7 +361,7 @@ class DemandLimit:
     factor: float
     """Factor on the demand."""
     limit: float | None
-    """The limit, or None if it is not known."""
+    """The limit. None if it is unknown."""
     unit: str
     """SI unit of the limit."""
     needs: tuple[str, ...]

@@ -119,7 +119,7 @@ def _candidate_parameter_sets(drive: Drive, joint: Joint, confidence: float | No
     -------
     dict of (sets,) arrays
         Values of the friction parameters by name, in SI units. The dict is empty if the friction is
-        nominal and the drive has no friction model.
+        nominal and the drive lacks a friction model.
 
     Raises
     ------

@@ -276,9 +276,9 @@ def _fastest_timing(path: PathRows, limits: TaskLimits, squares: Array) -> Array
 def _largest_squares(rows: Array, lengths: Array) -> Array:
     """Compute the largest ṡ² at which some s̈ satisfies all rows, at both ends of every interval.
 
-    A row with a > 0 is an upper limit of s̈, and a row with a < 0 a lower limit. The distance
-    between the smallest upper and the largest lower limit is a concave and piecewise linear
-    function of ṡ². Newton's method finds its zero.
+    With x = ṡ², a row limits s̈ by (1 − c − b x) / a: from above if a > 0, and from below if a < 0.
+    The distance between the smallest upper and the largest lower limit is a concave and piecewise
+    linear function of x. Newton's method finds its zero.
 
     Parameters
     ----------
@@ -295,16 +295,16 @@ def _largest_squares(rows: Array, lengths: Array) -> Array:
     a, b, c = rows[:, [0, -1]]
     a = np.where(np.abs(a) < REVERSAL_MARGIN * lengths[:, None] * np.abs(b), 0.0, a)
     scale = np.maximum(np.abs(a), MIN_COEFFICIENT)
-    room, slope = (1 - c) / scale, b / scale
+    limit_at_rest, slope = (1 - c) / scale, b / scale
     x = np.full(a.shape[:2], MAX_PATH_SPEED**2)
     for _ in range(CEILING_STEPS):
-        limit = room - slope * x[..., None]
+        limit = limit_at_rest - slope * x[..., None]
         pair = [np.where(side, limit, np.inf).argmin(axis=2) for side in (a >= 0, a <= 0)]
-        total_room, total_slope = (
+        distance_at_rest, total_slope = (
             sum(np.take_along_axis(values, row[..., None], 2)[..., 0] for row in pair)
-            for values in (room, slope)
+            for values in (limit_at_rest, slope)
         )
-        zero = np.divide(total_room, total_slope, out=x.copy(), where=total_slope > 0)
+        zero = np.divide(distance_at_rest, total_slope, out=x.copy(), where=total_slope > 0)
         x = np.clip(zero, 0.0, x)
     return x
 

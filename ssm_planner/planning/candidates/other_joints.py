@@ -72,7 +72,7 @@ class JointsPlanner:
     best: MissionMotion
     """Shortest motion so far that has passed the independent check.
 
-    If there is none, its duration is infinite.
+    Without a motion, the duration is infinite.
     """
     plan: Callable[[Problem], MissionMotion | Reason]
     """Plans and checks a problem in which joint positions replace the target."""

@@ -1,7 +1,7 @@
 """Motions of a robot that already moves: first a stop, then a motion from rest.
 
-The stop has a closed form, which takes milliseconds and needs no iterations. The motion after it
-begins at rest. It exists more often than a direct motion, which begins at speed.
+The stop has a closed form, which takes milliseconds without iterations. The motion after it begins
+at rest. Solvers find such a motion more often than a direct one, which begins at speed.
 """
 
 from collections.abc import Iterator

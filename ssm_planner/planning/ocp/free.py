@@ -142,9 +142,9 @@ def _limits_of_free_motion(
     """Add the limits that a free motion imposes on all joints to the limits of the joints.
 
     The rate of depth is the velocity of joint 4. The nonlinear program limits the jerk of either
-    all joints or none. If only some joints have a jerk limit, the others get one that hardly slows
-    them down: they reach their largest acceleration in the share `ACCELERATION_RAMP_SHARE` of the
-    mean time between two borders.
+    all joints or none. If only some joints have a jerk limit, the others get a large one. With it,
+    they reach their largest acceleration in the share `ACCELERATION_RAMP_SHARE` of the mean time
+    between two borders.
 
     Parameters
     ----------

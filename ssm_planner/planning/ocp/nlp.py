@@ -234,8 +234,8 @@ class BoundaryConditions:
         v_min, v_max = (np.where(sign * signs > 0, sign * velocity, 0.0) for sign in (-1, 1))
         limit = np.where(signs != 0, acceleration, 0.0)
         # A coordinate keeps its direction within a segment, so it stays between its positions at
-        # both borders of the segment. Positions within the segment need no bounds, except that a
-        # coordinate at rest has one position.
+        # both borders of the segment. Positions within the segment are therefore unbounded, except
+        # those of a coordinate at rest.
         lowest, highest = (
             np.where(signs != 0, unbounded, self.points[segment]) for unbounded in (-np.inf, np.inf)
         )
