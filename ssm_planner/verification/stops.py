@@ -159,7 +159,7 @@ class _StopPath:
 
     @classmethod
     def from_motion(
-        cls, motion: Trajectory, robot: Robot, instants: Array, begins: Array
+        cls, motion: Trajectory, robot: Robot, instants: Array, stop_times: Array
     ) -> "_StopPath":
         """Sample the path of a motion at both ends of short intervals.
 
@@ -179,7 +179,7 @@ class _StopPath:
         instants : (n,) array
             Instants that divide the path, in s from the start of the motion. An instant that is
             nearer to a break than `MIN_BREAK_DISTANCE` does not become a node.
-        begins : (k,) array
+        stop_times : (k,) array
             Instants at which a stop begins, in s from the start of the motion. An instant that is
             nearer to a node than `MIN_BREAK_DISTANCE` is moved to the node.
 
@@ -189,21 +189,23 @@ class _StopPath:
             The path with m intervals. The first k of them begin where the stops begin.
         """
         breaks = motion.breaks - motion.breaks[0]
-        is_node = np.abs(_nearest(breaks, instants) - instants) >= MIN_BREAK_DISTANCE
+        is_node = np.abs(_nearest_nodes(breaks, instants) - instants) >= MIN_BREAK_DISTANCE
         nodes = np.union1d(breaks, instants[is_node])
         distances = np.diff(nodes)
         # The small number prevents that rounding adds an interval to a multiple of MAX_STEP.
         steps = np.clip(np.ceil(distances / MAX_STEP - 1e-9), 1, MAX_STEPS).astype(int)
         interval, offset = part_indices(steps)
         nodes = np.append(offset * (distances / steps)[interval] + nodes[interval], nodes[-1])
-        begins = np.clip(begins, 0.0, nodes[-1])
-        nearest = _nearest(nodes, begins)
-        begins = np.where(np.abs(nearest - begins) < MIN_BREAK_DISTANCE, nearest, begins)
+        stop_times = np.clip(stop_times, 0.0, nodes[-1])
+        nearest = _nearest_nodes(nodes, stop_times)
+        stop_times = np.where(
+            np.abs(nearest - stop_times) < MIN_BREAK_DISTANCE, nearest, stop_times
+        )
         # A stop at the end of the motion has an empty interval.
-        end_nodes = np.minimum(np.searchsorted(nodes, begins, "right"), len(nodes) - 1)
-        s = np.append(begins, nodes)
+        end_nodes = np.minimum(np.searchsorted(nodes, stop_times, "right"), len(nodes) - 1)
+        s = np.append(stop_times, nodes)
         s_end = np.append(nodes[end_nodes], nodes[1:])
-        following = np.append(end_nodes, np.arange(1, len(nodes))) + len(begins)
+        following = np.append(end_nodes, np.arange(1, len(nodes))) + len(stop_times)
         starts = motion.sample(motion.breaks[0] + s[:-1], "right")
         ends = motion.sample(motion.breaks[0] + s_end, "left")
         q = np.stack([starts.q, ends.q])
@@ -226,7 +228,7 @@ class _StopPath:
         )
 
 
-def _nearest(nodes: Array, t: Array) -> Array:
+def _nearest_nodes(nodes: Array, t: Array) -> Array:
     """Return the nearest of ordered nodes to each of n instants, (n,)."""
     return nodes[np.searchsorted((nodes[1:] + nodes[:-1]) / 2, t)]
 
